@@ -56,11 +56,12 @@ bool ConstraintCandidate::on_taken(const Innovation& innovation, bool from_query
 void ConstraintCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept {
   const double others_N2 = least_of_others_N2(errors_N2, own);
   const double own_N2 = errors_N2[own];
-  if (!field().knows_walls() ||
-      own_N2 > thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2) {
+  if (!field().knows_walls()) {
     proofs_ = 0;
+  } else if (own_N2 > thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2) {
+    proofs_ = std::max(0, proofs_ - thresholds().wall_proofs);
   } else if (own_N2 < thresholds().wall_proof * others_N2) {
-    ++proofs_;
+    proofs_ = std::min(proofs_ + 1, 2 * thresholds().wall_proofs);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -10,6 +11,22 @@
 
 namespace forcegrid::kriging {
 namespace {
+
+// A spring that meets a wall at 4 mm.
+void teach_a_wall(Candidate& candidate) {
+  for (int i = 0; i < 60; ++i) {
+    Observation o;
+    o.time_s = i / 30.0;
+    o.contact = 1;
+    o.position_m = Eigen::Vector3d(1e-3 * (i % 6), 1e-3 * (i / 6 % 3), 0.0);
+    const double beyond_m = std::max(0.0, o.position_m.x() - 0.0035);
+    o.force_N = -200.0 * o.position_m - Eigen::Vector3d(2000.0 * beyond_m, 0.0, 0.0);
+    candidate.field().take(o);
+    while (candidate.field().prepare()) {
+    }
+  }
+  ASSERT_TRUE(candidate.field().knows_walls());
+}
 
 class CandidateChoiceTest : public ::testing::Test {
  protected:
@@ -237,7 +254,40 @@ TEST_F(CandidateChoiceTest, DoesNotChooseOneThatTookNoSample) {
   EXPECT_EQ(choice_.best(noisy), unfinished) << "it has taken one";
 }
 
-  const char* const names[] = {"smooth",        "exact",  "noisy",  "very noisy", "viscous",
+TEST_F(CandidateChoiceTest, LearnsNothingFromASampleThatNobodyCouldTake) {
+  choice_.score(sample(2.0, 1, 0.5), 0);
+  const double before_N2 = candidates_.all[0]->score_N2;
+  choice_.score(sample(EvaluatedSample::kNotTaken_N2, 1, 0.5), 0);
+  EXPECT_EQ(candidates_.all[0]->score_N2, before_N2);
+}
+
+TEST_F(CandidateChoiceTest, LosesTheProofOfAWallByASecondSampleThatItPredictsWorse) {
+  const std::size_t walls = index("walls");
+  Candidate& candidate = *candidates_.all[walls];
+  teach_a_wall(candidate);
+  const auto counts = [&] { return candidate.rate({}) / candidate.score_N2; };
+  for (int i = 0; i < 10; ++i) {
+    choice_.score(sample(1.0, walls, 0.01), 0);
+  }
+  EXPECT_EQ(counts(), thresholds_.wall_proven_weight);
+  const EvaluatedSample worse = sample(0.001, walls, 0.02);
+  choice_.score(worse, 0);
+  EXPECT_EQ(counts(), thresholds_.wall_proven_weight) << "what two samples have proven";
+  choice_.score(worse, 0);
+  EXPECT_GT(counts(), thresholds_.wall_proven_weight);
+}
+
+TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
+  Candidate& walls = *candidates_.all[index("walls")];
+  candidates_.all[0]->score_N2 = 1.0;
+  walls.score_N2 = 11.0;
+  EXPECT_TRUE(choice_.trusts(walls, 0));
+  walls.score_N2 = 11.2;
+  EXPECT_FALSE(choice_.trusts(walls, 0));
+}
+
+TEST_F(CandidateChoiceTest, NamesItsCandidatesInAFixedOrder) {
+  const char* const names[] = {"exact",         "smooth", "noisy",  "very noisy", "viscous",
                                "noisy viscous", "walls",  "memory", "unfinished", "relaxing",
                                "places",        "newest", "moved"};
   ASSERT_EQ(candidates_.all.size(), std::size(names));
