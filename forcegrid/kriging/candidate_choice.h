@@ -85,9 +85,9 @@ class CandidateChoice {
   bool trusts(const Candidate& explaining, std::size_t rendered) const noexcept {
     return thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
   }
+  Peers peers() const noexcept;
 
  private:
-  Peers peers() const noexcept;
   double least_score_N2() const noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
 

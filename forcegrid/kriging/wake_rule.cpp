@@ -98,7 +98,7 @@ void WakeRule::rendered_had_no_use() noexcept {
 void WakeRule::wake_all() noexcept {
   all_awake_ = true;
   all_woken_ = queued_;
-  path_explained_ = path_needed_lately();
+  path_explained_ = path_explains_until_ >= queued_;
   auditioned_ = Candidates::kNone;
   restart_sums();
   worse_.fill(0.0);
@@ -145,6 +145,11 @@ bool WakeRule::scored(const CandidateChoice& choice) noexcept {
     return false;
   }
   if (!all_awake_) {
+  // Where others are good enough, who knows the path was better by luck, and explains nothing.
+  if (candidates_.all[rendered_]->knows_path() &&
+      choice.peers().general_long_score_N2 > thresholds_.path_wrong_N2) {
+    path_explains_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.path_lately);
+  }
     return dismiss_kept();
   }
   if (rendered_suffices()) {

@@ -72,7 +72,9 @@ class WakeRule {
 
   bool awake(std::size_t index) const noexcept;
   /// Whether all woke so few samples ago that the choice between them changes often.
-  bool undecided() const noexcept { return all_awake_ && awake_for_ < thresholds_.awake_samples; }
+  bool undecided() const noexcept {
+    return enabled_ && all_awake_ && awake_for_ < thresholds_.awake_samples;
+  }
   /// The best of the candidates that know the position alone, over the samples since all woke.
   std::size_t best_general() const noexcept;
 
@@ -124,7 +126,8 @@ class WakeRule {
 
   bool all_awake_ = true;
   std::uint64_t all_woken_ = 0;                    ///< number + 1 of the sample; 0: never again
-  bool path_explained_ = false;                    ///< a candidate that knows the path, until then
+  bool path_explained_ = false;                    ///< the path explained the force, until then
+  std::uint64_t path_explains_until_ = 0;          ///< number of a sample
   int awake_for_ = 0;                              ///< scored samples, of the sums below
   double chosen_N2_ = 0.0;                         ///< squared errors of what was rendered, summed
   std::array<double, kMaxCandidates> alone_N2_{};  ///< the same of each candidate

@@ -464,16 +464,30 @@ TEST(Moved, WakesWithAllOthersUnlessTheForceDependedOnThePath) {
   s.all_fall_asleep();
   all_wake(s);
   EXPECT_TRUE(s.awake("moved"));
-  Sleepers damped;
-  damped.samples(5, "viscous", {});
-  damped.rule.handed_over(damped.index("exact"));
-  damped.samples(70, "exact", {});  // until the path is no longer needed
-  ASSERT_FALSE(damped.rule.all_awake());
-  damped.rule.handed_over(damped.index("viscous"));
-  damped.sample("viscous", {});
-  all_wake(damped);
-  EXPECT_FALSE(damped.awake("moved"));
-  EXPECT_TRUE(damped.awake("smooth"));
+  // "viscous" was rendered; those that know the position alone err by 20 mN, or hardly.
+  for (const double others_N : {0.02, 0.005}) {
+    Sleepers damped;
+    damped.samples(5, "viscous", {});
+    damped.rule.handed_over(damped.index("exact"));
+    damped.samples(70, "exact", {});  // until the path is no longer needed
+    ASSERT_FALSE(damped.rule.all_awake());
+    for (const auto& candidate : damped.candidates.all) {
+      candidate->long_score_N2 = others_N * others_N;
+    }
+    damped.rule.handed_over(damped.index("viscous"));
+    damped.sample("viscous", {});
+    all_wake(damped);
+    EXPECT_EQ(damped.awake("moved"), others_N < 0.01) << "else it was rendered by luck";
+    EXPECT_TRUE(damped.awake("smooth"));
+  }
+}
+
+TEST(WakeRule, IsNeverUndecidedWhereNobodySleeps) {
+  const EnsembleThresholds thresholds;
+  const ToolHistory path{kPathTimeConstants_s};
+  const Candidates candidates = make_candidates(EnsembleKind::kKriging, {}, thresholds, path);
+  const WakeRule rule(candidates, thresholds, false);
+  EXPECT_FALSE(rule.undecided());
 }
 
 }  // namespace
