@@ -143,6 +143,9 @@ class MovedCandidate final : public Candidate {
 
   /// Call once per servo cycle.
   void set_time(double time_s) noexcept { field_->set_time(time_s); }
+  void scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept {
+    field_->scale_earlier_contacts(contact, scale);
+  }
 
  private:
   MovedCandidate(const char* name, const EnsembleThresholds& thresholds,

@@ -279,6 +279,11 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
   if (index == rendered_) {
     entry.surprised = innovation.surprised || innovation.error_N > thresholds_.wall_plain_N;
+    if (innovation.scale != 1.0 && candidates_.moved_role != nullptr &&
+        !candidates_.moved_role->awake()) {
+      candidates_.moved_role->scale_earlier_contacts(queue_.at(number).observation.contact,
+                                                     candidate.field().contact_scale());
+    }
     if (!from_query) {
       wake_rule_.rendered_took(innovation);
       follow_wake_rule();

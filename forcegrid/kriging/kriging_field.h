@@ -79,6 +79,12 @@ struct Innovation {
   double scale = 1.0;     ///< factor that the forces of earlier contacts were multiplied by
 };
 
+/// What has been found out in a contact about what is known of earlier ones.
+struct ContactScale {
+  double factor = 1.0;     ///< that their forces were multiplied by, since the contact began
+  double deviation = 0.0;  ///< standard deviation
+};
+
 /// The result of one piece of Field::follow().
 struct Followed {
   bool changed = false;  ///< the field's answers differ from those before
@@ -113,6 +119,8 @@ class Field {
   /// Until all is done, read() uses the previous state. @returns false if nothing was left.
   virtual bool prepare() noexcept { return false; }
   virtual bool ready() const noexcept { return true; }
+
+  virtual ContactScale contact_scale() const noexcept { return {}; }
 
   /// Whether it knows of walls beyond the object, where no smooth field is right.
   virtual bool knows_walls() const noexcept { return false; }
@@ -239,6 +247,9 @@ class DictionaryField : public Field {
     return true;
   }
   bool ready() const noexcept override { return blocks_due_ == 0; }
+  ContactScale contact_scale() const noexcept override {
+    return {scale_, std::sqrt(scale_variance_)};
+  }
   /// Puts off the weights of the samples, a fifth of the work of take(), and full factorisations.
   void expect_reads(bool expected) noexcept override {
     reads_expected_ = expected;

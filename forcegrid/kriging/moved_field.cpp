@@ -15,6 +15,9 @@ using Eigen::Vector3d;
 constexpr int kIterations = 3;
 constexpr double kAnything_N = 1.0;  // deviation of a change that has another cause
 constexpr double kClearly_nats = 3.0;
+// In a slide the factor is a guess, 2 to 8 deviations from one; after a cut, a thousand.
+constexpr double kSureOfScale = 20.0;
+constexpr double kScaleSettled = 1e-4;  // variance
 
 // ln N(e; 0, S) but for a constant.
 double log_likelihood(const Vector3d& e, const Matrix3d& s) noexcept {
@@ -255,7 +258,11 @@ void MovedField::remember(const Observation& observation) noexcept {
     return;
   }
   transient_ = kNone;
-  const Observation own = in_own_frame(observation);
+  Observation own = in_own_frame(observation);
+  if (observation.contact < scaled_since_) {
+    own.force_N *= scaled_by_;
+    own.stiffness_N_per_m *= scaled_by_;
+  }
   int nearest = kNone;
   double nearest_m2 = std::numeric_limits<double>::max();
   for (int i = 0; i < kMaxSamplesHeld; ++i) {
@@ -342,3 +349,22 @@ double MovedField::deviation_N(const Vector3d& position_m, const History& histor
 }
 
 }  // namespace forcegrid::kriging
+void MovedField::scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept {
+  if (contact != scaled_since_) {
+    scaled_since_ = contact;
+    scaled_by_ = 1.0;
+  }
+  const double factor = scale.factor / scaled_by_;
+  if (!(std::abs(scale.factor - 1.0) > kSureOfScale * scale.deviation) || factor == 1.0) {
+    return;
+  }
+  scaled_by_ = scale.factor;
+  for (Stored& s : stored_) {
+    if (s.used && s.contact < contact) {
+      s.force_N *= factor;
+      s.first_force_N *= factor;
+      s.stiffness_N_per_m *= factor;
+    }
+  }
+}
+

@@ -30,7 +30,8 @@ namespace forcegrid::kriging {
 /// it only as a candidate that has to prove itself.
 ///
 /// Asleep, it keeps samples by remember(): its dictionary without a factor, as far apart from each
-/// other as possible. begin_with() factorises that.
+/// other as possible, and those of other contacts at the scale of this one
+/// (scale_earlier_contacts()). begin_with() factorises that.
 ///
 /// Positions are relative to the contact point, and d is as well. Failure: turns; a part of an
 /// object that moves against the rest; one that recovers, which f then learns anew.
@@ -69,6 +70,9 @@ class MovedField final : public DictionaryField<float, 32, 4> {
 
   /// The present time, for read().
   void set_time(double time_s) noexcept;
+  /// Asleep: what another field has found out in `contact` about those before it. Does nothing
+  /// unless that is sure.
+  void scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept;
 
   const Eigen::Vector3d& shift_m() const noexcept { return shift_m_; }  ///< d_k
   const Eigen::Vector3d& velocity_m_per_s() const noexcept { return velocity_m_per_s_; }
@@ -111,7 +115,9 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   std::uint64_t entered_contact_ = 0;                  ///< at present
   Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< d at present
   double nearest_pair_m2_ = -1.0;  ///< of the samples that are remembered; negative: not known
-  int nearest_pair_ = 0;           ///< slot of the older one
+  int nearest_pair_ = 0;            ///< slot of the older one
+  std::uint64_t scaled_since_ = 0;  ///< contact before which all was scaled, last
+  double scaled_by_ = 1.0;          ///< since it began
   bool seeks_ = true;
 };
 
