@@ -20,7 +20,8 @@ constexpr double kSureOfScale = 20.0;
 constexpr double kScaleSettled = 1e-4;  // variance
 
 // ln N(e; 0, S) but for a constant.
-double log_likelihood(const Vector3d& e, const Matrix3d& s) noexcept {
+template <typename Vector, typename Matrix>
+double log_likelihood(const Vector& e, const Matrix& s) noexcept {
   return -0.5 * (e.dot(s.inverse() * e) + std::log(s.determinant()));
 }
 
@@ -57,6 +58,7 @@ void MovedField::set_time(double time_s) noexcept {
 Innovation MovedField::take(const Observation& observation) noexcept {
   finish();
   nearest_pair_m2_ = -1.0;
+  const bool weaker = weakened_by_stiffness(observation);
   Innovation innovation;
   if (open_ && moves_on(observation) && sample_count_ > 0) {
     innovation = take_open(observation);
@@ -68,12 +70,66 @@ Innovation MovedField::take(const Observation& observation) noexcept {
       explain(observation, predict(in_own_frame(observation)), innovation);
     }
   }
+  innovation.explained = innovation.explained || (weaker && !innovation.surprised);
+  innovation.surprised = innovation.surprised || weaker;
   if (!observation.from_query) {
     time_s_ = observation.time_s;
     moved_contact_ = observation.contact;
   }
   set_time(time_s_);
   return innovation;
+}
+
+// The simulator's stiffness shows a weaker object where its force is still small. Not where a new
+// contact's own factor is being learned from it.
+// @returns whether that has made it weaker.
+bool MovedField::weakened_by_stiffness(const Observation& observation) noexcept {
+  if (open_ || observation.from_query || !observation.has_stiffness || sample_count_ == 0 ||
+      settings().stiffness_samples == 0 || observation.contact != contact_ ||
+      scale_variance_ > kScaleSettled) {
+    return false;
+  }
+  const Observation own = in_own_frame(observation);
+  covariances_of_stiffness(own.position_m, x_);
+  factor_.solve(x_, 6);
+  const Vector6d mean = factor_.template mean<6>(x_);
+  const Vector6d error = own.stiffness_N_per_m - mean;
+  Matrix6d variance = (settings().kernel.stiffness_stiffness(own.position_m, own.position_m) -
+                       factor_.template explained<6>(x_)) *
+                      data_scale();
+  variance.diagonal().array() += stiffness_variance(own.stiffness_N_per_m, 0.0);
+  const Matrix6d inverse = variance.inverse();
+  const double squares = error.dot(inverse * error);
+  if (!(squares / 6.0 > settings().surprise)) {
+    return false;
+  }
+  const Prediction p = predict(own);
+  const Matrix3d force_inverse = p.variance_N2.inverse();
+  const double known = 1.0 / (kWeaker * kWeaker) + mean.dot(inverse * mean) +
+                       p.mean_N.dot(force_inverse * p.mean_N);
+  const double seen = mean.dot(inverse * error) + p.mean_N.dot(force_inverse * p.error_N);
+  const double change = seen / known;
+  const double weaker_nats = -0.5 * (squares + p.error_N.dot(force_inverse * p.error_N) -
+                                     seen * change + std::log(kWeaker * kWeaker * known));
+  const double per_m = 3.0 / settings().kernel.length_m;
+  const auto otherwise_nats = [&](double force_N, double stiffness_N_per_m) {
+    Matrix3d force_N2 = p.variance_N2;
+    force_N2.diagonal().array() += force_N * force_N;
+    Matrix6d stiffness_N2_per_m2 = variance;
+    stiffness_N2_per_m2.diagonal().array() += stiffness_N_per_m * stiffness_N_per_m;
+    return log_likelihood(p.error_N, force_N2) - log_likelihood(Vector3d::Zero(), p.variance_N2) +
+           log_likelihood(error, stiffness_N2_per_m2) -
+           log_likelihood(Vector6d(Vector6d::Zero()), variance);
+  };
+  const double moved_nats =
+      otherwise_nats(kOpen_m * mean.norm(), kOpen_m / settings().kernel.length_m * mean.norm());
+  const double anything_nats = otherwise_nats(kAnything_N, kAnything_N * per_m);
+  const bool weaker = change < 0.0 && (1.0 + change) * strength_ > kLeastStrength &&
+                      weaker_nats - std::max(moved_nats, anything_nats) > kClearly_nats;
+  if (weaker) {
+    strength_ *= 1.0 + change;
+  }
+  return weaker;
 }
 
 // Advances the filter to the sample's time. @returns false, and closes it, if it can't.
@@ -294,6 +350,25 @@ void MovedField::remember(const Observation& observation) noexcept {
   nearest_pair_m2_ = -1.0;
 }
 
+void MovedField::scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept {
+  if (contact != scaled_since_) {
+    scaled_since_ = contact;
+    scaled_by_ = 1.0;
+  }
+  const double factor = scale.factor / scaled_by_;
+  if (!(std::abs(scale.factor - 1.0) > kSureOfScale * scale.deviation) || factor == 1.0) {
+    return;
+  }
+  scaled_by_ = scale.factor;
+  for (Stored& s : stored_) {
+    if (s.used && s.contact < contact) {
+      s.force_N *= factor;
+      s.first_force_N *= factor;
+      s.stiffness_N_per_m *= factor;
+    }
+  }
+}
+
 void MovedField::find_nearest_pair() noexcept {
   nearest_pair_m2_ = std::numeric_limits<double>::max();
   for (int i = 0; i < kMaxSamplesHeld; ++i) {
@@ -349,22 +424,3 @@ double MovedField::deviation_N(const Vector3d& position_m, const History& histor
 }
 
 }  // namespace forcegrid::kriging
-void MovedField::scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept {
-  if (contact != scaled_since_) {
-    scaled_since_ = contact;
-    scaled_by_ = 1.0;
-  }
-  const double factor = scale.factor / scaled_by_;
-  if (!(std::abs(scale.factor - 1.0) > kSureOfScale * scale.deviation) || factor == 1.0) {
-    return;
-  }
-  scaled_by_ = scale.factor;
-  for (Stored& s : stored_) {
-    if (s.used && s.contact < contact) {
-      s.force_N *= factor;
-      s.first_force_N *= factor;
-      s.stiffness_N_per_m *= factor;
-    }
-  }
-}
-

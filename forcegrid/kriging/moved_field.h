@@ -21,7 +21,9 @@ namespace forcegrid::kriging {
 ///   d' = d + b,     b ~ N(0, kOpen_m^2 I):     e ~ N(0, V + kOpen_m^2 J J^T),
 ///
 /// with the innovation e = F / s - f, its predicted covariance V and the stiffness J of f there. A
-/// strength only falls: what adds to a force is another object (UnilateralConstraintField). From a
+/// strength only falls: what adds to a force is another object (UnilateralConstraintField). If the
+/// simulator's stiffness is data and surprises, both tell s, and a shift by kOpen_m or 1 N over a
+/// third of a kernel length must explain them clearly worse: the force may still be small. From a
 /// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests,
 /// also from one contact to the next. As long as it is open, a sample teaches f only where f is
 /// less certain than d.
@@ -68,11 +70,11 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   double deviation_N(const Eigen::Vector3d& position_m,
                      const History& history) const noexcept override;
 
-  /// The present time, for read().
-  void set_time(double time_s) noexcept;
   /// Asleep: what another field has found out in `contact` about those before it. Does nothing
   /// unless that is sure.
   void scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept;
+  /// The present time, for read().
+  void set_time(double time_s) noexcept;
 
   const Eigen::Vector3d& shift_m() const noexcept { return shift_m_; }  ///< d_k
   const Eigen::Vector3d& velocity_m_per_s() const noexcept { return velocity_m_per_s_; }
@@ -94,6 +96,7 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   Observation in_own_frame(const Observation& observation) const noexcept;
   bool seeks_explanation(const Observation& observation, const Eigen::Vector3d& error_N,
                          const Innovation& innovation) noexcept override;
+  bool weakened_by_stiffness(const Observation& observation) noexcept;
   Innovation take_open(const Observation& observation) noexcept;
   void explain(const Observation& observation, const Prediction& prediction,
                Innovation& innovation) noexcept;

@@ -42,17 +42,28 @@ struct Scene {
   double strength = 1.0;
   Vector3d moved_m = Vector3d::Zero();
   int number = 0;
+  std::uint64_t contact = 1;
+  bool with_stiffness = false;
 
   Vector3d force_N(const Vector3d& position_m) const {
     return strength * object.force_N(position_m - moved_m);
   }
-  Observation next() {
+  Observation at(double time_s, const Vector3d& position_m) const {
     Observation o;
-    o.time_s = kPeriod_s * ++number;
-    o.position_m = hand_m(o.time_s);
+    o.time_s = time_s;
+    o.position_m = position_m;
     o.force_N = force_N(o.position_m);
-    o.contact = 1;
+    o.contact = contact;
+    if (with_stiffness) {
+      const Eigen::Matrix3d j = strength * object.stiffness_N_per_m(position_m - moved_m);
+      o.has_stiffness = true;
+      o.stiffness_N_per_m << j(0, 0), j(1, 1), j(2, 2), j(0, 1), j(0, 2), j(1, 2);
+    }
     return o;
+  }
+  Observation next() {
+    ++number;
+    return at(kPeriod_s * number, hand_m(kPeriod_s * number));
   }
   // Eight seconds of the object as it is.
   void teach(MovedField& field) {
@@ -190,6 +201,68 @@ TEST(MovedField, TakesAStrongerForceForNoWeakerObject) {
   scene.strength = 1.5;
   EXPECT_FALSE(field.take(scene.next()).explained);
   EXPECT_EQ(field.strength(), 1.0);
+}
+
+// At 20 um the force falls by 2 mN, which surprises nobody; the stiffness falls by 40 %.
+TEST(MovedField, KnowsAWeakerObjectByTheStiffnessWhereItsForceIsSmall) {
+  FieldSettings with_stiffness = settings();
+  with_stiffness.stiffness_samples = 2;
+  Scene scene;
+  scene.with_stiffness = true;
+  MovedField field(with_stiffness);
+  scene.teach(field);
+  const Vector3d lightly_m(0.0, 0.0, 0.00002);
+  const auto lightly = [&] { return scene.at(kPeriod_s * ++scene.number, lightly_m); };
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_FALSE(field.take(lightly()).explained);
+  }
+  ASSERT_EQ(field.strength(), 1.0);
+  ASSERT_FALSE(field.open());
+  scene.strength = 0.6;
+  const Innovation innovation = field.take(lightly());
+  EXPECT_TRUE(innovation.explained);
+  EXPECT_NEAR(field.strength(), 0.6, 0.01);
+  scene.strength = 0.9;  // stronger than it was: another object
+  EXPECT_FALSE(field.take(lightly()).explained);
+}
+
+TEST(MovedField, DoesNotTakeAShiftForAWeakerObjectByItsStiffness) {
+  FieldSettings with_stiffness = settings();
+  with_stiffness.stiffness_samples = 2;
+  Scene scene;
+  scene.with_stiffness = true;
+  MovedField field(with_stiffness);
+  scene.teach(field);
+  const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.5e-3);
+  for (int i = 0; i < 30; ++i) {
+    scene.moved_m += kPeriod_s * velocity_m_per_s;
+    EXPECT_FALSE(field.take(scene.next()).explained) << i;
+  }
+  EXPECT_EQ(field.strength(), 1.0);
+}
+
+// Asleep it takes no samples; who is rendered has found out that this contact is 0.6 of the others.
+TEST(MovedField, KeepsWhatItRemembersOfOtherContactsAtTheScaleOfThisOne) {
+  for (const double deviation : {0.001, 0.1}) {
+    Scene scene;
+    MovedField field(settings());
+    for (int i = 0; i < 300; ++i) {
+      field.remember(scene.next());
+    }
+    Observation late = scene.next();
+    scene.contact = 2;
+    scene.strength = 0.6;
+    field.scale_earlier_contacts(2, {.factor = 0.8, .deviation = 0.001});
+    field.scale_earlier_contacts(2, {.factor = 0.6, .deviation = deviation});
+    late.position_m = Vector3d(0.02, 0.0, 0.0);  // far from all others, so it is kept
+    late.force_N = scene.object.force_N(late.position_m);
+    field.remember(late);
+    EXPECT_TRUE(field.begin_with({}));
+    const bool sure = deviation < 0.01;
+    EXPECT_EQ(largest_error_N(field, scene, 300) < 0.02, sure) << deviation;
+    const Vector3d far_N = field.read(late.position_m, History::Zero()).force_N;
+    EXPECT_EQ((far_N - scene.force_N(late.position_m)).norm() < 0.02, sure);
+  }
 }
 
 TEST(MovedField, BeginsWithWhatItRemembers) {
