@@ -41,6 +41,8 @@ const char* to_string(ChoiceReason reason) noexcept {
       return "knows one tool";
     case ChoiceReason::kWeaker:
       return "found it weaker";
+    case ChoiceReason::kAsGood:
+      return "as good";
   }
   return "invalid reason";
 }

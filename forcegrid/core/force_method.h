@@ -74,8 +74,9 @@ enum class ChoiceReason : std::uint8_t {
   kBothTools,        ///< the positions of both tools are known, and so is the force there
   kOneTool,          ///< the other tool does not hold the object, or too little is known of both
   kWeaker,           ///< it alone explains a force: the same object, weaker than before
+  kAsGood,           ///< the others fall asleep; it was nearly as good and assumes less noise
 };
-inline constexpr int kChoiceReasons = 1 + static_cast<int>(ChoiceReason::kWeaker);
+inline constexpr int kChoiceReasons = 1 + static_cast<int>(ChoiceReason::kAsGood);
 
 /// Static text for messages and files, e.g. "predicted better".
 const char* to_string(ChoiceReason reason) noexcept;

@@ -361,6 +361,9 @@ void EnsembleMethod::score() noexcept {
       until = evaluated_by_all();  // whom that woke takes the last samples first
     }
     slept = wake_rule_.scored(choice_) || slept;
+    if (wake_rule_.stays() != rendered_) {
+      hand_over(wake_rule_.stays(), ChoiceReason::kAsGood);
+    }
   }
   if (slept) {
     follow_wake_rule();

@@ -22,6 +22,7 @@ struct EnsembleThresholds {
   /// right, at most once in exp(8) = 3,000 samples. [wake]
   double misfit_nats = 8.0;
   double good_enough_N = 1e-3;   ///< [N] smaller errors are as good as none. [wake]
+  double as_good_N = 0.7e-3;     ///< [N] more than the rendered one: nearly as good. [wake]
   bool everybody_awake = false;  ///< all the time, to compare with
   int awake_samples = 30;        ///< scored before all may sleep. [wake]
   int specialist_samples = 60;   ///< the same while a specialist is rendered. [wake]

@@ -141,15 +141,16 @@ void WakeRule::evaluated(const EvaluatedSample& sample) noexcept {
 }
 
 bool WakeRule::scored(const CandidateChoice& choice) noexcept {
+  stays_ = rendered_;
   if (!enabled_) {
     return false;
   }
-  if (!all_awake_) {
   // Where others are good enough, who knows the path was better by luck, and explains nothing.
   if (candidates_.all[rendered_]->knows_path() &&
       choice.peers().general_long_score_N2 > thresholds_.path_wrong_N2) {
     path_explains_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.path_lately);
   }
+  if (!all_awake_) {
     return dismiss_kept();
   }
   if (rendered_suffices()) {
@@ -225,7 +226,24 @@ bool WakeRule::dismiss_kept() noexcept {
   return slept;
 }
 
+// Of those that are hardly worse than the rendered one, that which assumes the least noise: it will
+// learn most from samples to come.
+std::size_t WakeRule::staying() const noexcept {
+  const double kept = thresholds_.regret_kept;
+  const double samples = (1.0 - std::pow(kept, awake_for_)) / (1.0 - kept);
+  const double most_N2 =
+      alone_N2_[rendered_] + samples * thresholds_.as_good_N * thresholds_.as_good_N;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const bool general = !(candidates_.all[i]->weight() > 1.0) && i != candidates_.memory;
+    if (general && !hopeless_[i] && alone_N2_[i] <= most_N2) {
+      return i;
+    }
+  }
+  return rendered_;
+}
+
 void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
+  stays_ = staying();
   runner_up_ = choice.runner_up(rendered_);
   chosen_ = true;
   all_awake_ = false;

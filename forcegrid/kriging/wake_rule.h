@@ -77,6 +77,8 @@ class WakeRule {
   }
   /// The best of the candidates that know the position alone, over the samples since all woke.
   std::size_t best_general() const noexcept;
+  /// Who is rendered from now on, after scored(): the one that was, unless all fell asleep.
+  std::size_t stays() const noexcept { return stays_; }
 
   bool all_awake() const noexcept { return all_awake_; }
   /// Whether all woke again after the first samples.
@@ -101,6 +103,7 @@ class WakeRule {
 
   void audition() noexcept;
   void wake_all() noexcept;
+  std::size_t staying() const noexcept;
   void all_sleep(const CandidateChoice& choice) noexcept;
   bool hopeless_sleep() noexcept;
   bool dismiss_kept() noexcept;
@@ -116,6 +119,7 @@ class WakeRule {
   bool enabled_;
   Misfit misfit_;
   std::size_t rendered_ = 0;
+  std::size_t stays_ = 0;
   std::uint64_t queued_ = 0;
   bool chosen_ = false;  ///< the rendered one is not just that which began
   std::array<std::uint64_t, kMaxCandidates>

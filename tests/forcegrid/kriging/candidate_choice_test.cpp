@@ -59,15 +59,15 @@ class CandidateChoiceTest : public ::testing::Test {
 };
 
 TEST_F(CandidateChoiceTest, KeepsTheRenderedOneUnlessAnotherIsClearlyBetter) {
-  const std::size_t exact = index("exact");
+  const std::size_t smooth = index("smooth");
   for (int i = 0; i < 100; ++i) {
-    choice_.score(sample(1.0, exact, 0.95), 0);
+    choice_.score(sample(1.0, smooth, 0.95), 0);
   }
   EXPECT_EQ(choice_.best(0), 0u);
   for (int i = 0; i < 100; ++i) {
-    choice_.score(sample(1.0, exact, 0.85), 0);
+    choice_.score(sample(1.0, smooth, 0.85), 0);
   }
-  EXPECT_EQ(choice_.best(0), exact);
+  EXPECT_EQ(choice_.best(0), smooth);
 }
 
 TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
@@ -79,19 +79,19 @@ TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
 }
 
 TEST_F(CandidateChoiceTest, TakesAFewBetterSamplesOfOneThatWasWorseForLuck) {
-  const std::size_t exact = index("exact");
+  const std::size_t smooth = index("smooth");
   const auto better = [&](double error_N2) {
     for (int i = 0; i < 7; ++i) {
-      choice_.score(sample(1.0, exact, error_N2), 0);
+      choice_.score(sample(1.0, smooth, error_N2), 0);
     }
     return choice_.best(0);
   };
   for (int i = 0; i < 100; ++i) {
-    choice_.score(sample(1.0, exact, 4.0), 0);
+    choice_.score(sample(1.0, smooth, 4.0), 0);
   }
   EXPECT_EQ(better(0.05), 0u) << "1.05 of the score, 2.7 of the long one";
   EXPECT_EQ(better(0.05), 0u) << "0.37, 1.5: luck";
-  EXPECT_EQ(better(0.05), exact) << "0.15, 0.87: no longer";
+  EXPECT_EQ(better(0.05), smooth) << "0.15, 0.87: no longer";
   const std::size_t walls = index("walls");
   for (int i = 0; i < 100; ++i) {
     choice_.score(sample(1.0, walls, 4.0), 0);
@@ -214,23 +214,6 @@ TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatWasAwakeAtFewFirstTouches)
   EXPECT_NEAR(candidates_.all[slept]->score_N2, candidates_.all[0]->score_N2, 1e-12);
 }
 
-TEST_F(CandidateChoiceTest, LearnsNothingFromASampleThatNobodyCouldTake) {
-  choice_.score(sample(2.0, 1, 0.5), 0);
-  const double before_N2 = candidates_.all[0]->score_N2;
-  choice_.score(sample(EvaluatedSample::kNotTaken_N2, 1, 0.5), 0);
-  EXPECT_EQ(candidates_.all[0]->score_N2, before_N2);
-}
-
-TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
-  Candidate& walls = *candidates_.all[index("walls")];
-  candidates_.all[0]->score_N2 = 1.0;
-  walls.score_N2 = 11.0;
-  EXPECT_TRUE(choice_.trusts(walls, 0));
-  walls.score_N2 = 11.2;
-  EXPECT_FALSE(choice_.trusts(walls, 0));
-}
-
-TEST_F(CandidateChoiceTest, NamesItsCandidatesInAFixedOrder) {
 // Its score is made of the errors of those that were rendered. When the best of them fails, it seems
 // to be the best, but knows nothing.
 TEST_F(CandidateChoiceTest, DoesNotChooseOneThatTookNoSample) {

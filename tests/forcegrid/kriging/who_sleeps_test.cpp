@@ -442,6 +442,22 @@ TEST(WakeRule, IsUndecidedForThe30SamplesAfterAllWoke) {
   EXPECT_TRUE(asleep.rule.undecided());
 }
 
+// "exact" is the first of those that know the position alone.
+TEST(WakeRule, LetsTheOneThatAssumesTheLeastNoiseStayIfItIsNearlyAsGood) {
+  Sleepers s;
+  const auto squared = [](double error_N) { return error_N * error_N; };
+  const double smooth_N2 = squared(0.003);
+  s.samples(30, "smooth", {{"smooth", smooth_N2}, {"exact", smooth_N2 + squared(0.0006)}});
+  ASSERT_FALSE(s.rule.all_awake());
+  EXPECT_EQ(s.rule.stays(), s.index("exact"));
+  Sleepers worse;
+  worse.samples(30, "smooth", {{"smooth", smooth_N2}, {"exact", smooth_N2 + squared(0.0008)}});
+  ASSERT_FALSE(worse.rule.all_awake());
+  EXPECT_EQ(worse.rule.stays(), worse.index("smooth"));
+  worse.sample("smooth", {});
+  EXPECT_EQ(worse.rule.stays(), worse.index("smooth"));
+}
+
 TEST(WakeRule, WakesEverybodyWhenTheNewestSampleIsTheBestThatIsKnown) {
   Sleepers s;
   s.all_fall_asleep();
