@@ -96,8 +96,8 @@ class Builder {
     settings.stiffness_samples = kCandidateStiffnessSamples;
     std::array<Noise, 4> noises{
         {{kExactName, kExactNugget_N2}, {"smooth", 1e-5}, {"noisy", 1e-4}, {"very noisy", 1e-3}}};
-    // The first one is rendered at first and, if it is nearly as good, while the others sleep. Where
-    // nobody sleeps, that is the one whose assumption fits most simulators.
+    // The first one begins, and stays while the others sleep if it is nearly as good. Where nobody
+    // sleeps, that is the one whose assumption fits most simulators.
     if (kind_ == EnsembleKind::kKriging) {
       std::swap(noises[0], noises[1]);
     }

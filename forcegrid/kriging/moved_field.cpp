@@ -105,8 +105,8 @@ bool MovedField::weakened_by_stiffness(const Observation& observation) noexcept 
   }
   const Prediction p = predict(own);
   const Matrix3d force_inverse = p.variance_N2.inverse();
-  const double known = 1.0 / (kWeaker * kWeaker) + mean.dot(inverse * mean) +
-                       p.mean_N.dot(force_inverse * p.mean_N);
+  const double known =
+      1.0 / (kWeaker * kWeaker) + mean.dot(inverse * mean) + p.mean_N.dot(force_inverse * p.mean_N);
   const double seen = mean.dot(inverse * error) + p.mean_N.dot(force_inverse * p.error_N);
   const double change = seen / known;
   const double weaker_nats = -0.5 * (squares + p.error_N.dot(force_inverse * p.error_N) -

@@ -117,7 +117,7 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   std::uint64_t moved_contact_ = 0;                    ///< of d_k
   std::uint64_t entered_contact_ = 0;                  ///< at present
   Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< d at present
-  double nearest_pair_m2_ = -1.0;  ///< of the samples that are remembered; negative: not known
+  double nearest_pair_m2_ = -1.0;   ///< of the samples that are remembered; negative: not known
   int nearest_pair_ = 0;            ///< slot of the older one
   std::uint64_t scaled_since_ = 0;  ///< contact before which all was scaled, last
   double scaled_by_ = 1.0;          ///< since it began

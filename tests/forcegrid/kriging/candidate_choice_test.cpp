@@ -214,8 +214,8 @@ TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatWasAwakeAtFewFirstTouches)
   EXPECT_NEAR(candidates_.all[slept]->score_N2, candidates_.all[0]->score_N2, 1e-12);
 }
 
-// Its score is made of the errors of those that were rendered. When the best of them fails, it seems
-// to be the best, but knows nothing.
+// Its score is made of the errors of those that were rendered. When the best of them fails, it
+// seems to be the best, but knows nothing.
 TEST_F(CandidateChoiceTest, DoesNotChooseOneThatTookNoSample) {
   const std::size_t best = 0;
   const std::size_t noisy = index("noisy");

@@ -24,9 +24,10 @@ using forcegrid::testing::kPeriod_s;
 
 constexpr unsigned kSeed = 11;
 
-FieldSettings settings() {
+FieldSettings settings(int stiffness_samples = 0) {
   FieldSettings settings;
   settings.nugget_N2 = 1e-6;
+  settings.stiffness_samples = stiffness_samples;
   return settings;
 }
 
@@ -205,11 +206,9 @@ TEST(MovedField, TakesAStrongerForceForNoWeakerObject) {
 
 // At 20 um the force falls by 2 mN, which surprises nobody; the stiffness falls by 40 %.
 TEST(MovedField, KnowsAWeakerObjectByTheStiffnessWhereItsForceIsSmall) {
-  FieldSettings with_stiffness = settings();
-  with_stiffness.stiffness_samples = 2;
   Scene scene;
   scene.with_stiffness = true;
-  MovedField field(with_stiffness);
+  MovedField field(settings(2));
   scene.teach(field);
   const Vector3d lightly_m(0.0, 0.0, 0.00002);
   const auto lightly = [&] { return scene.at(kPeriod_s * ++scene.number, lightly_m); };
@@ -227,11 +226,9 @@ TEST(MovedField, KnowsAWeakerObjectByTheStiffnessWhereItsForceIsSmall) {
 }
 
 TEST(MovedField, DoesNotTakeAShiftForAWeakerObjectByItsStiffness) {
-  FieldSettings with_stiffness = settings();
-  with_stiffness.stiffness_samples = 2;
   Scene scene;
   scene.with_stiffness = true;
-  MovedField field(with_stiffness);
+  MovedField field(settings(2));
   scene.teach(field);
   const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.5e-3);
   for (int i = 0; i < 30; ++i) {

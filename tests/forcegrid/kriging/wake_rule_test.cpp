@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who of an ensemble is awake: the evidence that wakes candidates, what a woken one begins with, and
-// that nothing is lost against an ensemble in which nobody ever sleeps.
+// Who of an ensemble is awake: the evidence that wakes candidates, what a woken one begins with,
+// and that nothing is lost against an ensemble in which nobody ever sleeps.
 
 #include "forcegrid/kriging/wake_rule.h"
 
