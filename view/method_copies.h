@@ -40,10 +40,8 @@ class MethodCopies {
 
   /// Cycles that may wait for a sample that has not come yet.
   static constexpr std::size_t kMostWaiting = 4000;
-  /// Larger differences between a copy's force and the servo's are none of rounding. Forces are
-  /// sums in single precision: where "exact" is rendered, whose terms are hundreds of newtons, the
-  /// last bit of a time changes them by up to 70 uN.
-  static constexpr double kRounding_N = 2e-4;
+  /// Larger differences between a copy's force and the servo's are none of rounding.
+  static constexpr double kRounding_N = 1e-6;
 
   /// Method `direct`, which is a simulator, has no copy, and neither has one over two tools: its
   /// force is unknown everywhere.
