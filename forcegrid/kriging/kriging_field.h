@@ -120,6 +120,7 @@ class Field {
   virtual bool prepare() noexcept { return false; }
   virtual bool ready() const noexcept { return true; }
 
+  /// Of the present contact; as if all contacts were alike for a field that looks for no factor.
   virtual ContactScale contact_scale() const noexcept { return {}; }
 
   /// Whether it knows of walls beyond the object, where no smooth field is right.
