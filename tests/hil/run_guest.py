@@ -528,11 +528,11 @@ def main():
     parser.add_argument("--kernel", default="linux-image-amd64", help="metapackage of the kernel")
     parser.add_argument("--set", choices=["smoke", "full"], default="smoke")
     parser.add_argument("--only", action="append", metavar="SUITE.TEST", help="just these")
-    parser.add_argument("--limit", type=int, default=180, help="seconds for one scenario")
+    parser.add_argument("--limit", type=int, default=240, help="seconds for one scenario")
     parser.add_argument("--timeout", type=int, default=700, help="seconds for the guests")
     parser.add_argument("--timing-seconds", type=int, default=10, metavar="S",
                         help="of each run that is compared with another (a third with a live view); "
-                        "give --limit more than 14 times that")
+                        "give --limit more than 21 times that")
     parser.add_argument("--guests", type=int, default=2,
                         help="guests that share the scenarios, where their time is their own")
     parser.add_argument("--shell", action="store_true",

@@ -390,14 +390,19 @@ std::optional<Wakeups> compare_with_a_viewed_run(const std::string& seconds) {
 }
 
 // A run of 10 s has five wake-ups above its 99.9th percentile, which so differs by 2 us from run to
-// run, with or without a view. Of three times as long ones it differs by at most 1 us, in six
-// pairs; what is above the goal even so is measured once more.
+// run, with or without a view. Of three times as long ones it still is anywhere from 5.4 to 6.9 us,
+// with and without: by how loop, bus and tick happen to lie in time. A view that makes wake-ups
+// late (3.1 to 5.3 us, when it was served while the loop ran) does so in every pair, so what is
+// above the goal is measured up to twice more.
 void compare_with_viewed_runs() {
   constexpr double kMostAdded_us = 1.0;
+  constexpr int kPairs = 3;
   const char* const asked = std::getenv("HIL_TIMING_SECONDS");
   const std::string seconds = std::to_string(3 * std::stoi(asked == nullptr ? "10" : asked));
   auto added_us = compare_with_a_viewed_run(seconds);
-  if (added_us && time_goes_by_instructions() && (*added_us)[2] > kMostAdded_us) {
+  for (int pair = 1;
+       pair < kPairs && added_us && time_goes_by_instructions() && (*added_us)[2] > kMostAdded_us;
+       ++pair) {
     added_us = compare_with_a_viewed_run(seconds);
   }
   ASSERT_TRUE(added_us);
