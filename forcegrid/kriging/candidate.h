@@ -132,6 +132,9 @@ class Candidate {
   // the first instants of contacts.
   double score_N2 = 0.0;
   double long_score_N2 = 0.0;
+  /// [nats] How likely its predictions made the samples, averaged; of those that know the position
+  /// alone, and below the most likely one's.
+  double likelihood_nats = 0.0;
   bool scored_by_own = true;  ///< it took the sample that was scored last
   double first_touch_score_N2 = 0.0;
   int first_touches = 0;  ///< samples of its own in that average, which begins at zero

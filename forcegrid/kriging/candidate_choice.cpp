@@ -40,6 +40,7 @@ void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered)
     }
     candidate.on_evaluated({errors_N2.data(), count}, i);
   }
+  weigh(sample);
   first_touch_scored_ = first_touch_scored_ || sample.first_touch;
 }
 
@@ -71,6 +72,49 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
     }
   }
   return best;
+}
+
+bool CandidateChoice::is_general(std::size_t index) const noexcept {
+  return index != candidates_.memory && !(candidates_.all[index]->weight() > 1.0);
+}
+
+// One sample that no noise explains must not decide for long.
+void CandidateChoice::weigh(const EvaluatedSample& sample) noexcept {
+  const auto is_weighed = [&](std::size_t i) {
+    return is_general(i) && candidates_.all[i]->awake() &&
+           sample.error_N2[i] != EvaluatedSample::kNotTaken_N2;
+  };
+  double most_nats = std::numeric_limits<double>::lowest();
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    most_nats = is_weighed(i) ? std::max(most_nats, sample.likelihood_nats[i]) : most_nats;
+  }
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    if (is_weighed(i)) {
+      double& nats = candidates_.all[i]->likelihood_nats;
+      nats = thresholds_.likelihood_kept * nats +
+             std::max(sample.likelihood_nats[i] - most_nats, -thresholds_.most_unlikely_nats);
+    }
+  }
+}
+
+std::size_t CandidateChoice::likely_best(std::size_t rendered) const noexcept {
+  const std::size_t best = this->best(rendered);
+  if (!is_general(best)) {
+    return best;
+  }
+  const Candidate& first = *candidates_.all[best];
+  std::size_t likely = best;
+  double least_nats = first.likelihood_nats + thresholds_.more_likely_nats;
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const Candidate& candidate = *candidates_.all[i];
+    if (is_general(i) && candidate.awake() && candidate.scored_by_own &&
+        candidate.score_N2 <= thresholds_.nearly_as_good * first.score_N2 &&
+        candidate.likelihood_nats > least_nats) {
+      likely = i;
+      least_nats = candidate.likelihood_nats;
+    }
+  }
+  return likely;
 }
 
 // Whether it may be better than the rendered one by luck: over more samples it was worse. `walls`

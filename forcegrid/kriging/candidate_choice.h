@@ -42,6 +42,7 @@ struct EvaluatedSample {
   bool first_touch = false;  ///< of the first instants of a contact
   bool surprised = false;    ///< it surprised the candidate that was rendered
   std::array<double, kMaxCandidates> error_N2{};
+  std::array<double, kMaxCandidates> likelihood_nats{};  ///< of those errors, see Innovation
 };
 
 /// Scores the candidates of an ensemble and decides which of them is rendered.
@@ -67,6 +68,9 @@ class CandidateChoice {
   void score(const EvaluatedSample& sample, std::size_t rendered) noexcept;
   /// The rendered candidate unless another is clearly better.
   std::size_t best(std::size_t rendered) const noexcept;
+  /// The same, but of those that know the position alone and err nearly as little, the one whose
+  /// predictions made the samples most likely.
+  std::size_t likely_best(std::size_t rendered) const noexcept;
   /// The best of the others that are awake and know something of their own.
   std::size_t runner_up(std::size_t rendered) const noexcept;
   /// The candidate that begins a contact: `places` if it was asked about or knows the place, else
@@ -85,10 +89,13 @@ class CandidateChoice {
   bool trusts(const Candidate& explaining, std::size_t rendered) const noexcept {
     return thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
   }
+  /// Whether a candidate knows the position alone; these differ in the noise that they expect.
+  bool is_general(std::size_t index) const noexcept;
   Peers peers() const noexcept;
 
  private:
   double least_score_N2() const noexcept;
+  void weigh(const EvaluatedSample& sample) noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
 
   Candidates& candidates_;

@@ -103,14 +103,20 @@ int least_valuable(const std::array<Stored, kSlots>& stored, int newest,
   return worst;
 }
 
-/// The size of an innovation relative to its prediction: e^T V^-1 e / 3 with V = scale * covariance
-/// + nugget I.
+/// V = scale * covariance + nugget I, which an innovation is expected to have.
+inline Eigen::Matrix3d innovation_covariance_N2(const Eigen::Matrix3d& covariance_N2, double scale,
+                                                double nugget_N2) noexcept {
+  Eigen::Matrix3d v_N2 = covariance_N2 * scale;
+  v_N2.diagonal().array() += nugget_N2;
+  return v_N2;
+}
+
+/// The size of an innovation relative to its prediction: e^T V^-1 e / 3.
 inline double normalised_innovation(const Eigen::Vector3d& error_N,
                                     const Eigen::Matrix3d& covariance_N2, double scale,
                                     double nugget_N2) noexcept {
-  Eigen::Matrix3d v = covariance_N2 * scale;
-  v.diagonal().array() += nugget_N2;
-  return error_N.dot(v.inverse() * error_N) / 3.0;
+  const Eigen::Matrix3d v_N2 = innovation_covariance_N2(covariance_N2, scale, nugget_N2);
+  return error_N.dot(v_N2.inverse() * error_N) / 3.0;
 }
 
 /// j <- j + the radial part of a field's stiffness.

@@ -276,6 +276,7 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
   EvaluatedSample& entry = evaluated(number);
   const bool from_query = queue_.at(number).observation.from_query;
   entry.scored = entry.scored && innovation.predicted;
+  entry.likelihood_nats[index] = innovation.likelihood_nats;
   entry.error_N2[index] = innovation.error_N * innovation.error_N;
   if (index == rendered_) {
     entry.surprised = innovation.surprised || innovation.error_N > thresholds_.wall_plain_N;
@@ -298,10 +299,13 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
     entry.explained = true;
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
+    const bool errs =
+        entry.error_N2[rendered_] > thresholds_.wall_unusual * rendered_candidate().score_N2;
+    const bool needed = weaker || ((entry.surprised || settled) && errs);
     if (index == rendered_) {
       reason_ = candidate.claim_reason();
       claimed_at_ = number;
-    } else if ((entry.surprised || settled || weaker) && choice_.trusts(candidate, rendered_)) {
+    } else if (needed && choice_.trusts(candidate, rendered_)) {
       // Nobody was wrong so far: whose score is less by luck must not take over from it.
       candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       hand_over(index, candidate.claim_reason());
@@ -351,7 +355,8 @@ void EnsembleMethod::score() noexcept {
     }
     wake_rule_.evaluated(entry);
     choice_.score(entry, rendered_);
-    const std::size_t best = choice_.best(rendered_);
+    const std::size_t best =
+        kind_ == Kind::kAuto ? choice_.likely_best(rendered_) : choice_.best(rendered_);
     // Samples from before an event say nothing about who explains it, nor do single ones of those
     // that all are scored by once more.
     const bool before_claim =
@@ -409,6 +414,8 @@ void EnsembleMethod::wake(std::size_t index) noexcept {
   const double first = wake_rule_.first_score(index);
   candidate.score_N2 = first * rendered_candidate().score_N2;
   candidate.long_score_N2 = first * rendered_candidate().long_score_N2;
+  candidate.likelihood_nats =
+      choice_.is_general(rendered_) ? rendered_candidate().likelihood_nats : 0.0;
   begins_[index] =
       !from_now_on && candidate.field().can_begin_with() && candidate.next_sample() > 0;
   // Once for each sample that came: hand-overs wake and put to sleep, and could go on for ever.

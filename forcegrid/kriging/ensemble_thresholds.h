@@ -37,10 +37,13 @@ struct EnsembleThresholds {
   int unfinished_samples = 32;   ///< `unfinished` stays awake after such a sample. [choice]
   int walls_awake = 8;           ///< samples after a surprise. [choice]
   double wall_plain_N = 0.1;     ///< [N] an error that no noise explains. [wake]
-  int walls_settle = 60;         ///< samples after it woke in which it may be mistaken. [wake]
-  double places_learn_s = 0.4;   ///< [s] of a contact, which `places` takes; it remembers twice as
-                                 ///< many. [wake]
-  int audition_samples = 12;     ///< of one audition. [wake]
+  /// It takes over at once where the rendered candidate's squared error is above this multiple of
+  /// its score. [wake]
+  double wall_unusual = 4.0;
+  int walls_settle = 60;        ///< samples after it woke in which it may be mistaken. [wake]
+  double places_learn_s = 0.4;  ///< [s] of a contact, which `places` takes; it remembers twice as
+                                ///< many. [wake]
+  int audition_samples = 12;    ///< of one audition. [wake]
   int contact_audition_samples = 4;  ///< of `memory` at the beginning of a contact. [wake]
   int longest_contact_pause = 4;     ///< contacts, of `places` and `memory`. [choice]
   int audition_pause = 24;  ///< samples before the first two, then twice as many each. [wake]
@@ -68,6 +71,13 @@ struct EnsembleThresholds {
   double places_weight = 2.0;
   /// [s] Time constant with which the step at a hand-over fades. [choice]
   double hand_over_s = 0.010;
+
+  // Likelihood, which tells how much noise there is. [wake] all four, docs/kriging.md.
+
+  double likelihood_kept = 0.95;    ///< of the sum of logarithms, per sample: 20 samples
+  double most_unlikely_nats = 3.0;  ///< [nats] that one sample may speak against a candidate
+  double more_likely_nats = 6.0;  ///< [nats] by which another must be more likely, a factor of 400,
+  double nearly_as_good = 1.2;    ///< and its score at most this multiple
 
   // One-sided constraints, `walls`. The rules together are measured, the single numbers are not.
 

@@ -415,8 +415,10 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
       scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
     }
     innovation.scale = scale_ / scale_before;
-    innovation.normalised =
-        normalised_innovation(error_N, covariance_N2, data_scale(), settings_.nugget_N2);
+    const Eigen::Matrix3d v_N2 =
+        innovation_covariance_N2(covariance_N2, data_scale(), settings_.nugget_N2);
+    innovation.normalised = error_N.dot(v_N2.inverse() * error_N) / 3.0;
+    innovation.likelihood_nats = -1.5 * innovation.normalised - 0.5 * std::log(v_N2.determinant());
     innovation.surprised = innovation.normalised > settings_.surprise;
     if (innovation.surprised) {
       if (seeks_explanation(o, error_N, innovation)) {

@@ -71,6 +71,9 @@ struct Innovation {
   /// Square of the error in units of its predicted variance, averaged over the axes; 0 unless
   /// predicted.
   double normalised = 0.0;
+  /// [nats] Logarithm of the predicted density of the error, but for its constant; 0 unless
+  /// predicted, and of fields that state no variance.
+  double likelihood_nats = 0.0;
   bool surprised = false;  ///< `normalised` above FieldSettings::surprise
   bool explained = false;  ///< by a one-sided constraint that was found, not by doubt
   /// It is not known yet whether it can be explained: prepare() goes on, then taken() tells.

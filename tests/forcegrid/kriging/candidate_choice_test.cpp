@@ -108,6 +108,37 @@ TEST_F(CandidateChoiceTest, TakesAFewBetterSamplesOfOneThatWasWorseForLuck) {
   EXPECT_EQ(choice_.best(0), walls) << "three times 0.297, not twelve";
 }
 
+// Candidates that expect more or less noise err alike. Which is right shows in how large an error
+// each one expected, long before the errors themselves tell.
+TEST_F(CandidateChoiceTest, PrefersTheMoreLikelyOfThoseThatErrAlike) {
+  const std::size_t noisy = index("noisy");
+  const auto likely = [&](double noisys_error_N2, double more_nats, int samples) {
+    EvaluatedSample evaluated = sample(1.0, noisy, noisys_error_N2);
+    evaluated.likelihood_nats.fill(-2.0);
+    evaluated.likelihood_nats[noisy] = -2.0 + more_nats;
+    for (int i = 0; i < samples; ++i) {
+      choice_.score(evaluated, 0);
+    }
+    return choice_.likely_best(0);
+  };
+  EXPECT_EQ(likely(1.0, 1.0, 6), 0u) << "(1 - 0.95^6) / 0.05 = 5.3 nats";
+  EXPECT_EQ(likely(1.0, 1.0, 2), noisy) << "6.7 nats";
+  EXPECT_EQ(choice_.best(0), 0u) << "by the errors alone";
+  EXPECT_EQ(likely(1.0, 0.0, 100), 0u) << "forgotten";
+  EXPECT_EQ(likely(1.0, 100.0, 1), 0u) << "one sample counts for 3 nats";
+  EXPECT_EQ(likely(1.3, 1.0, 40), 0u) << "it errs by more than is luck";
+}
+
+TEST_F(CandidateChoiceTest, LeavesASpecialistWhateverElseIsLikely) {
+  const std::size_t viscous = index("viscous");
+  EvaluatedSample evaluated = sample(1.0, viscous, 0.3);
+  evaluated.likelihood_nats[index("noisy")] = 2.0;
+  for (int i = 0; i < 100; ++i) {
+    choice_.score(evaluated, viscous);
+  }
+  EXPECT_EQ(choice_.likely_best(viscous), viscous);
+}
+
 TEST_F(CandidateChoiceTest, CountsTheErrorsOfSpecialistsMore) {
   const std::size_t viscous = index("viscous");
   for (int i = 0; i < 5; ++i) {  // too few to prove that the path counts

@@ -113,6 +113,47 @@ TEST(EnsembleMethods, TakeNoOldSampleForACut) {
   EXPECT_LT(play.worst_after_1s, 0.1);
 }
 
+// Pokes into objects whose samples have 30 mN of noise. By their errors of the last samples alone,
+// candidates that expect less noise are rendered now and then.
+TEST(EnsembleMethods, RenderWhoExpectsAsMuchNoiseAsThereIs) {
+  constexpr int kObjects = 24;
+  kriging::EnsembleThresholds by_errors_alone;
+  by_errors_alone.more_likely_nats = 1e9;
+  double error = 0.0;
+  double error_by_errors_alone = 0.0;
+  for (unsigned seed = 20; seed < 20 + kObjects; ++seed) {
+    Play play = poke_on(AnchoredSprings(seed));
+    play.noise_N = 0.03;
+    play.duration_s = 10.0;
+    EnsembleMethod ensemble(Kind::kAuto, {});
+    play.run(ensemble);
+    error += play.error_after_1s / kObjects;
+    EnsembleMethod other(Kind::kAuto, {}, by_errors_alone);
+    play.run(other);
+    error_by_errors_alone += play.error_after_1s / kObjects;
+  }
+  EXPECT_LT(error, 0.9 * error_by_errors_alone);
+}
+
+// An object has moved by 8 mm and then lost half of its strength. With 10 mN of noise "walls",
+// which expects 3 mN, finds walls in samples that whoever is rendered has predicted as well as any.
+TEST(EnsembleMethods, RenderNoWallWhereNobodyIsWrong) {
+  for (const unsigned seed : {40u, 57u, 89u, 100u, 124u}) {
+    const AnchoredSprings object(seed);
+    Play play = poke_on(object);
+    play.noise_N = 0.01;
+    play.duration_s = 18.0;
+    play.first_s = 9.5;
+    play.force_N = [&](double t_s, const Vector3d& d_m) -> Vector3d {
+      const Vector3d slide_m = std::clamp((t_s - 4.0) / 3.0, 0.0, 1.0) * Vector3d(8e-3, 2.4e-3, 0);
+      return (t_s > 9.0 ? 0.5 : 1.0) * object.force_N(d_m - slide_m);
+    };
+    EnsembleMethod ensemble(Kind::kAuto, {});
+    play.run(ensemble);
+    EXPECT_LT(play.worst_after_1s, 0.3) << seed;
+  }
+}
+
 // Who woke is scored by the last samples: if the candidate that is best by the first of them is
 // rendered until the others have been scored, it may be wrong by a third of the force.
 TEST(EnsembleMethods, ChooseOnceAllLastSamplesAreScored) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -360,6 +361,33 @@ TEST(DictionaryField, TellsItsErrorInTheMeanOverFieldsFromItsPrior) {
   // 360 probes: one within 20 % by chance alone; the data's own scale can only enlarge the claim.
   EXPECT_GT(std::sqrt(normalised / count), 0.7);
   EXPECT_LT(std::sqrt(normalised / count), 1.2);
+}
+
+// Against the density of the third force given two, from the kernel's matrix of all three.
+TEST(DictionaryField, SaysHowLikelyASampleWas) {
+  const std::vector<Vector3d> at = {{0, 0, 0.002}, {0.004, -0.002, 0.005}, {0.003, 0.002, 0.007}};
+  const std::vector<Vector3d> forces_N = {{0.02, 0, -0.3}, {-0.4, 0.1, -0.6}, {-0.2, -0.3, -0.9}};
+  const FieldSettings settings;
+  Eigen::Matrix<double, 9, 9> k;
+  Eigen::Matrix<double, 9, 1> f;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      k.block<3, 3>(3 * i, 3 * j) = settings.kernel.force_force(
+          at[static_cast<std::size_t>(i)], kNoHistory, at[static_cast<std::size_t>(j)], kNoHistory);
+    }
+    f.segment<3>(3 * i) = forces_N[static_cast<std::size_t>(i)];
+  }
+  k.diagonal().array() += settings.nugget_N2;
+  // ln p(f3 | f1, f2) = ln p(f1, f2, f3) - ln p(f1, f2)
+  const auto nats = [&](int rows) {
+    const Eigen::MatrixXd part = k.topLeftCorner(rows, rows);
+    const Eigen::VectorXd data = f.head(rows);
+    return -0.5 * (data.dot(part.llt().solve(data)) + std::log(part.determinant()));
+  };
+  Plain field(settings);
+  EXPECT_EQ(field.take(observe(at[0], forces_N[0])).likelihood_nats, 0.0) << "nothing was known";
+  EXPECT_NEAR(field.take(observe(at[1], forces_N[1])).likelihood_nats, nats(6) - nats(3), 1e-6);
+  EXPECT_NEAR(field.take(observe(at[2], forces_N[2])).likelihood_nats, nats(9) - nats(6), 1e-6);
 }
 
 TEST(DictionaryField, IsAsGoodInSinglePrecision) {
