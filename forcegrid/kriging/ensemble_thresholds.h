@@ -75,7 +75,7 @@ struct EnsembleThresholds {
   // Likelihood, which tells how much noise there is. [wake] all four, docs/kriging.md.
 
   double likelihood_kept = 0.95;    ///< of the sum of logarithms, per sample: 20 samples
-  double most_unlikely_nats = 3.0;  ///< [nats] that one sample may speak against a candidate
+  double most_unlikely_nats = 1.0;  ///< [nats] that one sample may speak against a candidate
   double more_likely_nats = 6.0;  ///< [nats] by which another must be more likely, a factor of 400,
   double nearly_as_good = 1.2;    ///< and its score at most this multiple
 

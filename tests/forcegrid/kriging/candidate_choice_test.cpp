@@ -125,7 +125,7 @@ TEST_F(CandidateChoiceTest, PrefersTheMoreLikelyOfThoseThatErrAlike) {
   EXPECT_EQ(likely(1.0, 1.0, 2), noisy) << "6.7 nats";
   EXPECT_EQ(choice_.best(0), 0u) << "by the errors alone";
   EXPECT_EQ(likely(1.0, 0.0, 100), 0u) << "forgotten";
-  EXPECT_EQ(likely(1.0, 100.0, 1), 0u) << "one sample counts for 3 nats";
+  EXPECT_EQ(likely(1.0, 100.0, 1), 0u) << "one sample counts for 1 nat";
   EXPECT_EQ(likely(1.3, 1.0, 40), 0u) << "it errs by more than is luck";
 }
 
