@@ -132,8 +132,8 @@ class Candidate {
   // the first instants of contacts.
   double score_N2 = 0.0;
   double long_score_N2 = 0.0;
-  /// [nats] How likely its predictions made the samples, averaged; of those that know the position
-  /// alone, and below the most likely one's.
+  /// [nats] How much less likely than the best one's its predictions made the samples, summed with
+  /// forgetting; of those that know the position alone.
   double likelihood_nats = 0.0;
   bool scored_by_own = true;  ///< it took the sample that was scored last
   double first_touch_score_N2 = 0.0;

@@ -74,14 +74,10 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   return best;
 }
 
-bool CandidateChoice::is_general(std::size_t index) const noexcept {
-  return index != candidates_.memory && !(candidates_.all[index]->weight() > 1.0);
-}
-
 // One sample that no noise explains must not decide for long.
 void CandidateChoice::weigh(const EvaluatedSample& sample) noexcept {
   const auto is_weighed = [&](std::size_t i) {
-    return is_general(i) && candidates_.all[i]->awake() &&
+    return candidates_.is_general(i) && candidates_.all[i]->awake() &&
            sample.error_N2[i] != EvaluatedSample::kNotTaken_N2;
   };
   double most_nats = std::numeric_limits<double>::lowest();
@@ -99,7 +95,7 @@ void CandidateChoice::weigh(const EvaluatedSample& sample) noexcept {
 
 std::size_t CandidateChoice::likely_best(std::size_t rendered) const noexcept {
   const std::size_t best = this->best(rendered);
-  if (!is_general(best)) {
+  if (!candidates_.is_general(best)) {
     return best;
   }
   const Candidate& first = *candidates_.all[best];
@@ -107,7 +103,7 @@ std::size_t CandidateChoice::likely_best(std::size_t rendered) const noexcept {
   double least_nats = first.likelihood_nats + thresholds_.more_likely_nats;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const Candidate& candidate = *candidates_.all[i];
-    if (is_general(i) && candidate.awake() && candidate.scored_by_own &&
+    if (candidates_.is_general(i) && candidate.awake() && candidate.scored_by_own &&
         candidate.score_N2 <= thresholds_.nearly_as_good * first.score_N2 &&
         candidate.likelihood_nats > least_nats) {
       likely = i;

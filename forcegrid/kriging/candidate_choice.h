@@ -30,6 +30,11 @@ struct Candidates {
   MemoryCandidate* memory_role = nullptr;
   RelaxationCandidate* relaxation = nullptr;
   MovedCandidate* moved_role = nullptr;
+
+  /// Whether a candidate knows the position alone; these differ in the noise that they expect.
+  bool is_general(std::size_t index) const noexcept {
+    return index != memory && !(all[index]->weight() > 1.0);
+  }
 };
 
 /// A sample as the candidates have evaluated it.
@@ -50,7 +55,8 @@ struct EvaluatedSample {
 ///   score <- kept score + (1 - kept) |F_k - F(p_k)|^2       per sample k that all have evaluated
 ///
 /// The least rating (Candidate::rate) wins, unless the rendered candidate's is nearly as good
-/// (EnsembleThresholds::hysteresis); of equal ratings the first.
+/// (EnsembleThresholds::hysteresis); of equal ratings the first. Candidates that know the position
+/// alone also keep how likely their predictions made the samples (likely_best()).
 /// Real-time: nothing allocates, locks or throws after construction. Threads: one.
 class CandidateChoice {
  public:
@@ -89,8 +95,6 @@ class CandidateChoice {
   bool trusts(const Candidate& explaining, std::size_t rendered) const noexcept {
     return thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
   }
-  /// Whether a candidate knows the position alone; these differ in the noise that they expect.
-  bool is_general(std::size_t index) const noexcept;
   Peers peers() const noexcept;
 
  private:

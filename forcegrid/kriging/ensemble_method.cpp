@@ -299,9 +299,9 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
     entry.explained = true;
     const bool settled =
         number >= level_at_[index] + static_cast<std::uint64_t>(thresholds_.walls_settle);
-    const bool errs =
+    const bool is_wrong =
         entry.error_N2[rendered_] > thresholds_.wall_unusual * rendered_candidate().score_N2;
-    const bool needed = weaker || ((entry.surprised || settled) && errs);
+    const bool needed = weaker || ((entry.surprised || settled) && is_wrong);
     if (index == rendered_) {
       reason_ = candidate.claim_reason();
       claimed_at_ = number;
@@ -415,7 +415,7 @@ void EnsembleMethod::wake(std::size_t index) noexcept {
   candidate.score_N2 = first * rendered_candidate().score_N2;
   candidate.long_score_N2 = first * rendered_candidate().long_score_N2;
   candidate.likelihood_nats =
-      choice_.is_general(rendered_) ? rendered_candidate().likelihood_nats : 0.0;
+      candidates_.is_general(rendered_) ? rendered_candidate().likelihood_nats : 0.0;
   begins_[index] =
       !from_now_on && candidate.field().can_begin_with() && candidate.next_sample() > 0;
   // Once for each sample that came: hand-overs wake and put to sleep, and could go on for ever.

@@ -410,9 +410,9 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
   const bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
   if (innovation.predicted) {
     if (scaling) {
-      Eigen::Matrix3d v = covariance_N2 * data_scale();
-      v.diagonal().array() += settings_.nugget_N2;
-      scale_earlier_contacts<3>(x_, x_.column[3], v, error_N);
+      const Eigen::Matrix3d v_N2 =
+          innovation_covariance_N2(covariance_N2, data_scale(), settings_.nugget_N2);
+      scale_earlier_contacts<3>(x_, x_.column[3], v_N2, error_N);
     }
     innovation.scale = scale_ / scale_before;
     const Eigen::Matrix3d v_N2 =

@@ -166,8 +166,8 @@ bool WakeRule::scored(const CandidateChoice& choice) noexcept {
 std::size_t WakeRule::best_general() const noexcept {
   std::size_t best = Candidates::kNone;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    const bool general = !(candidates_.all[i]->weight() > 1.0) && i != candidates_.memory;
-    if (general && !hopeless_[i] && (best == Candidates::kNone || alone_N2_[i] < alone_N2_[best])) {
+    if (candidates_.is_general(i) && !hopeless_[i] &&
+        (best == Candidates::kNone || alone_N2_[i] < alone_N2_[best])) {
       best = i;
     }
   }
@@ -234,8 +234,7 @@ std::size_t WakeRule::staying() const noexcept {
   const double most_N2 =
       alone_N2_[rendered_] + samples * thresholds_.as_good_N * thresholds_.as_good_N;
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
-    const bool general = !(candidates_.all[i]->weight() > 1.0) && i != candidates_.memory;
-    if (general && !hopeless_[i] && alone_N2_[i] <= most_N2) {
+    if (candidates_.is_general(i) && !hopeless_[i] && alone_N2_[i] <= most_N2) {
       return i;
     }
   }
