@@ -96,7 +96,7 @@ view: $(FOR_VIEW) $(MADE_SCENE)
 
 # Live tests that fail while the machine stands still run again; the end names them.
 test: build-tests
-	ctest --test-dir build/release -j5 --output-on-failure
+	ctest --test-dir build/release -j6 --output-on-failure
 	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
 	  grep -a -B1 '^AGAIN:' || true
 
@@ -232,8 +232,9 @@ build/.packages-%: setup/packages.txt setup/install.sh
 	setup/install.sh $*
 	@mkdir -p build && touch $@
 
-# The unit tests of eight rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
-# all that a byte from outside or a servo cycle goes through. `sanitize` is the whole.
+# The unit tests of seven rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
+# what a byte from a device or a simulator, or a servo cycle, goes through. `fuzz` has what a browser
+# sends; `sanitize` is the whole.
 .PHONY: sanitize-unit
 sanitize-unit: $(FOR_TESTS) scenes
 	cmake --preset asan-unit >/dev/null && cmake --build --preset asan-unit
