@@ -93,6 +93,10 @@ class Candidate {
   Field& field() noexcept { return *field_; }
   const Field& field() const noexcept { return *field_; }
   double weight() const noexcept { return weight_; }
+  /// [N^2] What noise adds to its squared errors at most, by what its field expects.
+  double noise_N2() const noexcept {
+    return thresholds_.noise_nuggets * field_->settings().nugget_N2;
+  }
   double least_uncertainty_N() const noexcept { return least_uncertainty_N_; }
 
   /// The path's features at `position_W`, where `observed_W` is the tool's last observed position;

@@ -113,12 +113,32 @@ std::size_t CandidateChoice::likely_best(std::size_t rendered) const noexcept {
   return likely;
 }
 
-// Whether it may be better than the rendered one by luck: over more samples it was worse. `walls`
-// and `newest` are right at once, or not at all.
+std::size_t CandidateChoice::likeliest_general(std::size_t than) const noexcept {
+  std::size_t likeliest = than;
+  double least_nats = candidates_.all[than]->awake()
+                          ? candidates_.all[than]->likelihood_nats + thresholds_.more_likely_nats
+                          : std::numeric_limits<double>::lowest();
+  for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
+    const Candidate& candidate = *candidates_.all[i];
+    if (candidates_.is_general(i) && candidate.awake() && candidate.likelihood_nats > least_nats) {
+      likeliest = i;
+      least_nats = candidate.likelihood_nats;
+    }
+  }
+  return likeliest;
+}
+
+// Whether it may be better than the rendered one by luck: over more samples it was worse, or that
+// one has explained what no other can, and the difference is noise. `walls` and `newest` are right
+// at once, or not at all.
 bool CandidateChoice::is_lucky(std::size_t index, std::size_t rendered) const noexcept {
+  const Candidate& candidate = *candidates_.all[index];
+  const Candidate& other = *candidates_.all[rendered];
+  const bool by_noise =
+      other.claim_stands() && other.score_N2 - candidate.score_N2 < other.noise_N2();
   return long_scored_ >= thresholds_.long_enough && index != rendered &&
          index != candidates_.walls && index != candidates_.newest &&
-         candidates_.all[index]->long_score_N2 > candidates_.all[rendered]->long_score_N2;
+         (by_noise || candidate.long_score_N2 > other.long_score_N2);
 }
 
 std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {

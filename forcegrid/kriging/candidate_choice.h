@@ -77,6 +77,9 @@ class CandidateChoice {
   /// The same, but of those that know the position alone and err nearly as little, the one whose
   /// predictions made the samples most likely.
   std::size_t likely_best(std::size_t rendered) const noexcept;
+  /// Of the candidates that know the position alone and are awake, the one that made the samples
+  /// most likely, if clearly more so than `than`, or that sleeps; else `than`.
+  std::size_t likeliest_general(std::size_t than) const noexcept;
   /// The best of the others that are awake and know something of their own.
   std::size_t runner_up(std::size_t rendered) const noexcept;
   /// The candidate that begins a contact: `places` if it was asked about or knows the place, else

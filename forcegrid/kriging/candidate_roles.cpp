@@ -231,8 +231,8 @@ bool MovedCandidate::on_taken(const Innovation& innovation, bool from_query) noe
 
 void MovedCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own) noexcept {
   const double others_N2 = least_of_others_N2(errors_N2, own);
-  claimed_ = claimed_ &&
-             errors_N2[own] <= thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2;
+  claimed_ = claimed_ && errors_N2[own] <= thresholds().wall_refuted * others_N2 +
+                                               thresholds().wall_refuted_N2 + noise_N2();
 }
 
 double MovedCandidate::rate(const Peers& peers) const noexcept {

@@ -146,6 +146,7 @@ class MovedCandidate final : public Candidate {
   void scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept {
     field_->scale_earlier_contacts(contact, scale);
   }
+  void expect_noise(double nugget_N2) noexcept { field_->expect_noise(nugget_N2); }
 
  private:
   MovedCandidate(const char* name, const EnsembleThresholds& thresholds,

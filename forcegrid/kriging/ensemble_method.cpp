@@ -355,6 +355,7 @@ void EnsembleMethod::score() noexcept {
     }
     wake_rule_.evaluated(entry);
     choice_.score(entry, rendered_);
+    follow_noise();
     const std::size_t best =
         kind_ == Kind::kAuto ? choice_.likely_best(rendered_) : choice_.best(rendered_);
     // Samples from before an event say nothing about who explains it, nor do single ones of those
@@ -372,6 +373,15 @@ void EnsembleMethod::score() noexcept {
   }
   if (slept) {
     follow_wake_rule();
+  }
+}
+
+// `moved` expects as much noise as those who know the position alone have learnt. Samples of an
+// object that moves look as if they were noisy.
+void EnsembleMethod::follow_noise() noexcept {
+  if (candidates_.moved_role != nullptr && !candidates_.moved_role->differs()) {
+    noise_as_ = choice_.likeliest_general(noise_as_);
+    candidates_.moved_role->expect_noise(candidates_.all[noise_as_]->field().settings().nugget_N2);
   }
 }
 

@@ -141,6 +141,7 @@ class EnsembleMethod final : public ForceMethod {
   void look_up_path(const Sample& sample, kriging::PathAtSample& path) const noexcept;
   void observe_path() noexcept;
   void observe_rendered_force() noexcept;
+  void follow_noise() noexcept;
   void follow_wake_rule() noexcept;
   void wake(std::size_t index) noexcept;
   int begin(std::size_t index) noexcept;
@@ -179,6 +180,7 @@ class EnsembleMethod final : public ForceMethod {
   std::array<const char*, kMaxCandidates> names_{};
   kriging::CandidateChoice choice_;
   std::size_t rendered_ = 0;
+  std::size_t noise_as_ = 0;  ///< `moved` expects the noise of this candidate
   ChoiceReason reason_ = ChoiceReason::kFirst;
   kriging::HandOverFade fade_;
 

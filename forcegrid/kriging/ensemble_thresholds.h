@@ -104,6 +104,9 @@ struct EnsembleThresholds {
   double weaker_left = 0.8;
   /// ... and the next ones, if they leave more than this. [choice]
   double weaker_refined = 0.9;
+  /// [variances of the noise per axis] Squared errors differ by as much through noise: nobody takes
+  /// over from it for that, and it is not refuted. [wake]
+  double noise_nuggets = 10.0;
   int moved_samples = 30;  ///< before it wakes with all others. [choice]
 
   // Candidates that know the tool's path.

@@ -80,6 +80,13 @@ Innovation MovedField::take(const Observation& observation) noexcept {
   return innovation;
 }
 
+void MovedField::expect_noise(double nugget_N2) noexcept {
+  if (nugget_N2 != settings_.nugget_N2) {
+    settings_.nugget_N2 = nugget_N2;
+    takes_since_factorisation_ = kTakesBetweenFactorisations;
+  }
+}
+
 // The simulator's stiffness shows a weaker object where its force is still small. Not where a new
 // contact's own factor is being learned from it.
 // @returns whether that has made it weaker.

@@ -70,6 +70,9 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   double deviation_N(const Eigen::Vector3d& position_m,
                      const History& history) const noexcept override;
 
+  /// The noise of a sample's force from now on, at first that of the settings. The factor is made
+  /// anew with it at the next sample. @param nugget_N2 variance per axis, positive.
+  void expect_noise(double nugget_N2) noexcept;
   /// Asleep: what another field has found out in `contact` about those before it. Does nothing
   /// unless that is sure.
   void scale_earlier_contacts(std::uint64_t contact, const ContactScale& scale) noexcept;

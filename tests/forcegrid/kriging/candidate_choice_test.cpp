@@ -129,6 +129,23 @@ TEST_F(CandidateChoiceTest, PrefersTheMoreLikelyOfThoseThatErrAlike) {
   EXPECT_EQ(likely(1.3, 1.0, 40), 0u) << "it errs by more than is luck";
 }
 
+TEST_F(CandidateChoiceTest, NamesWhoseNoiseIsClearlyMoreLikely) {
+  const std::size_t noisy = index("noisy");
+  EvaluatedSample evaluated = sample(1.0, noisy, 1.0);
+  evaluated.likelihood_nats[noisy] = 1.0;
+  for (int i = 0; i < 6; ++i) {
+    choice_.score(evaluated, 0);
+  }
+  EXPECT_EQ(choice_.likeliest_general(0), 0u) << "5.3 nats";
+  choice_.score(evaluated, 0);
+  choice_.score(evaluated, 0);
+  EXPECT_EQ(choice_.likeliest_general(0), noisy) << "6.7 nats";
+  EXPECT_EQ(choice_.likeliest_general(noisy), noisy);
+  candidates_.all[noisy]->sleep();
+  EXPECT_EQ(choice_.likeliest_general(0), 0u) << "it sleeps";
+  EXPECT_EQ(choice_.likeliest_general(noisy), 0u) << "of those that are awake";
+}
+
 TEST_F(CandidateChoiceTest, LeavesASpecialistWhateverElseIsLikely) {
   const std::size_t viscous = index("viscous");
   EvaluatedSample evaluated = sample(1.0, viscous, 0.3);

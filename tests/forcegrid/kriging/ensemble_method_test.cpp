@@ -154,6 +154,25 @@ TEST(EnsembleMethods, RenderNoWallWhereNobodyIsWrong) {
   }
 }
 
+// Pokes into objects that lose 60 % of their strength while the tool rests inside, with 10 mN of
+// noise. "moved" knows that they are weaker everywhere if it expects that noise; the next pokes
+// elsewhere are wrong by half of the force and more if it expects 1 mN.
+TEST(EnsembleMethods, KnowAWeakerObjectThroughNoise) {
+  for (const unsigned seed : {30u, 34u, 61u, 88u}) {
+    const AnchoredSprings object(seed);
+    Play play = poke_on(object);
+    play.noise_N = 0.01;
+    play.duration_s = 8.0;
+    play.first_s = 6.0;
+    play.force_N = [&](double t_s, const Vector3d& d_m) -> Vector3d {
+      return (t_s > 5.0 ? 0.4 : 1.0) * object.force_N(d_m);
+    };
+    EnsembleMethod ensemble(Kind::kAuto, {});
+    play.run(ensemble);
+    EXPECT_LT(play.worst_after_1s, 0.05) << seed;
+  }
+}
+
 // Who woke is scored by the last samples: if the candidate that is best by the first of them is
 // rendered until the others have been scored, it may be wrong by a third of the force.
 TEST(EnsembleMethods, ChooseOnceAllLastSamplesAreScored) {

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <random>
 
 #include "forcegrid/kriging/ensemble_method.h"
 #include "tests/forcegrid/kriging/kriging_play.h"
@@ -112,6 +113,64 @@ TEST(MovedField, KnowsAllOfAWeakerObjectFromOneSample) {
   EXPECT_TRUE(innovation.explained);
   EXPECT_NEAR(field.strength(), 0.6 * strength, 0.005);
   EXPECT_LT(largest_error_N(field, scene, 60), before_N + 0.01);
+}
+
+// A tool that rests at six places for half a second each, and 10 mN of noise.
+TEST(MovedField, KnowsAWeakerObjectThroughTheNoiseThatItExpects) {
+  std::mt19937 random(kSeed);
+  std::normal_distribution<double> noise_N(0.0, 0.01);
+  Scene scene;
+  MovedField field(settings());
+  MovedField deaf(settings());
+  field.expect_noise(1e-4);
+  const auto sample = [&](int number) {
+    Observation o = scene.at(kPeriod_s * number, hand_m(0.8 * (number / 15)));
+    o.force_N += Vector3d(noise_N(random), noise_N(random), noise_N(random));
+    return o;
+  };
+  for (int i = 0; i < 90; ++i) {
+    const Observation o = sample(i);
+    EXPECT_FALSE(field.take(o).surprised) << "five deviations of three components, " << i;
+    deaf.take(o);
+  }
+  scene.strength = 0.4;
+  const Observation o = sample(89);
+  EXPECT_TRUE(field.take(o).explained);
+  deaf.take(o);
+  EXPECT_NEAR(field.strength(), 0.4, 0.02);
+  double largest_N = 0.0;
+  double deaf_largest_N = 0.0;
+  for (int i = 0; i < 90; i += 15) {
+    const Vector3d at_m = hand_m(0.8 * (i / 15));
+    const Vector3d truth_N = scene.force_N(at_m);
+    largest_N = std::max(largest_N, (field.read(at_m, History::Zero()).force_N - truth_N).norm());
+    deaf_largest_N =
+        std::max(deaf_largest_N, (deaf.read(at_m, History::Zero()).force_N - truth_N).norm());
+  }
+  EXPECT_LT(largest_N, 0.05);
+  EXPECT_GT(deaf_largest_N, 0.2) << "it expects 1 mN";
+}
+
+// Its factor is that of a field that expected this noise from the beginning.
+TEST(MovedField, MakesItsFactorAnewForOtherNoise) {
+  FieldSettings noisy = settings();
+  noisy.nugget_N2 = 1e-4;
+  Scene scene;
+  MovedField field(settings());
+  MovedField from_the_beginning(noisy);
+  for (int i = 0; i < 20; ++i) {
+    const Observation o = scene.next();
+    field.take(o);
+    from_the_beginning.take(o);
+  }
+  field.expect_noise(noisy.nugget_N2);
+  const Observation o = scene.next();
+  field.take(o);
+  from_the_beginning.take(o);
+  EXPECT_EQ(field.shift_m(), Vector3d::Zero());
+  const Vector3d between_m = hand_m(kPeriod_s * 10.5);
+  const Vector3d expected_N = from_the_beginning.read(between_m, History::Zero()).force_N;
+  EXPECT_LT((field.read(between_m, History::Zero()).force_N - expected_N).norm(), 1e-5);
 }
 
 TEST(MovedField, FollowsAnObjectThatSlidesAndForeseesWhereItIs) {
