@@ -189,7 +189,8 @@ TEST(TwoRatesObject, AMoveToNowhereChangesNothing) {
   EXPECT_TRUE(object.move_to({0.0, 0.0, 0.001}).force_W.allFinite());
 }
 
-// With its own thread nothing can be said of when the whole comes, only that it does.
+// With its own thread nothing can be said of when the whole comes, only that it does. That thread has
+// the least priority: beside busy tests it gets a hundredth of a core.
 TEST(TwoRatesObject, ItsOwnThreadHandsTheWholeOver) {
   const SpringMesh mesh = little_block();
   TwoRatesOptions options = by_hand();
@@ -203,13 +204,34 @@ TEST(TwoRatesObject, ItsOwnThreadHandsTheWholeOver) {
     reference.move_to(circle_W(cycle));
   }
   const Vector3d expected_W = reference.move_to(circle_W(60)).force_W;
-  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(200);
   double error = 1.0;
   while (error > 1e-3 && std::chrono::steady_clock::now() < give_up) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
     error = (object.move_to(circle_W(60)).force_W - expected_W).norm() / expected_W.norm();
   }
   EXPECT_LE(error, 1e-3);
+  EXPECT_GT(object.whole_solutions(), 0U);
+}
+
+// As when the machine has no time for the whole: it is far behind when it gets some.
+TEST(TwoRatesObject, TheWholeComesToAToolThatWentFarWithoutItAndRests) {
+  const SpringMesh mesh = little_block();
+  TwoRatesObject object(mesh, by_hand());
+  ElasticObject<double> reference(mesh, {.relative_tolerance = 1e-7});
+  reference.grab(Vector3d::Zero(), kPatch_m);
+  object.grab(Vector3d::Zero(), kPatch_m);
+  Vector3d expected_W = Vector3d::Zero();
+  for (int cycle = 1; cycle <= 60; ++cycle) {
+    object.move_to(circle_W(cycle));
+    expected_W = reference.move_to(circle_W(cycle)).force_W;
+  }
+  Vector3d force_W = Vector3d::Zero();
+  for (int i = 0; i < 20; ++i) {
+    finish_whole(object);
+    force_W = object.move_to(circle_W(60)).force_W;
+  }
+  EXPECT_LT((force_W - expected_W).norm(), 1e-3 * expected_W.norm());
   EXPECT_GT(object.whole_solutions(), 0U);
 }
 
