@@ -189,8 +189,8 @@ TEST(TwoRatesObject, AMoveToNowhereChangesNothing) {
   EXPECT_TRUE(object.move_to({0.0, 0.0, 0.001}).force_W.allFinite());
 }
 
-// With its own thread nothing can be said of when the whole comes, only that it does. That thread has
-// the least priority: beside busy tests it gets a hundredth of a core.
+// With its own thread nothing can be said of when the whole comes, only that it does. That thread
+// has the least priority: beside busy tests it gets a hundredth of a core.
 TEST(TwoRatesObject, ItsOwnThreadHandsTheWholeOver) {
   const SpringMesh mesh = little_block();
   TwoRatesOptions options = by_hand();
