@@ -232,9 +232,8 @@ build/.packages-%: setup/packages.txt setup/install.sh
 	setup/install.sh $*
 	@mkdir -p build && touch $@
 
-# The unit tests of seven rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
-# what a byte from a device or a simulator, or a servo cycle, goes through. `fuzz` has what a browser
-# sends; `sanitize` is the whole.
+# The unit tests of eight rooms under AddressSanitizer and UndefinedBehaviorSanitizer, as CI runs them:
+# all that a byte from outside or a servo cycle goes through. `sanitize` is the whole.
 .PHONY: sanitize-unit
 sanitize-unit: $(FOR_TESTS) scenes
 	cmake --preset asan-unit >/dev/null && cmake --build --preset asan-unit

@@ -175,8 +175,8 @@ TEST_F(ChartAccuracy, ComesOutTheSameInPartsThatGnuParallelStarts) {
 TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
   const std::string folder = fresh_folder("chart_stopped");
   const std::vector<std::string> arguments =
-      command(folder, "chirp,lissajous", "ideal,delay100,lossy,rate60",
-              "forcegrid;forcegrid cells=80;forcegrid r=20mm");
+      command(folder, "chirp,lissajous,random", "ideal,delay100,lossy,rate60",
+              "forcegrid;forcegrid cells=80;forcegrid r=20mm;forcegrid unit=m");
   std::size_t lines = 0;
   {
     Program program = Program::forcegrid(arguments);
@@ -193,9 +193,9 @@ TEST_F(ChartAccuracy, GoesOnAfterCtrlC) {
   ASSERT_GE(lines, 2U);
   ASSERT_EQ(run(arguments), 0) << error_;
   const json chart = result(folder);
-  EXPECT_EQ(chart.at("rows").size(), 24U);
+  EXPECT_EQ(chart.at("rows").size(), 48U);
   EXPECT_GE(chart.at("rows_kept").get<std::size_t>(), lines);
-  EXPECT_LT(chart.at("rows_kept").get<std::size_t>(), 24U);
+  EXPECT_LT(chart.at("rows_kept").get<std::size_t>(), 48U);
 }
 
 TEST_F(ChartAccuracy, NamesWhatItDoesNotKnow) {
