@@ -182,6 +182,7 @@ CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool or
       candidate->score_N2 = weight > 0.0 ? own_N2 * (most_weight / weight) : most_N2;
     }
   }
+  remember_refuted_walls();
   if (answers_before >= thresholds_.enough_answers) {
     Candidate& places = *candidates_.all[candidates_.places];
     places.score_N2 = least_score_N2() / places.weight();
@@ -191,6 +192,22 @@ CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool or
     return {candidates_.places, ChoiceReason::kKnownPlace};
   }
   return {best(rendered), ChoiceReason::kFirstTouches};
+}
+
+// Surfaces stay in the workspace: if they were wrong lately, they are so in the next contact,
+// however well first touches went before they were found.
+void CandidateChoice::remember_refuted_walls() noexcept {
+  if (candidates_.walls == Candidates::kNone) {
+    return;
+  }
+  Candidate& walls = *candidates_.all[candidates_.walls];
+  double others_N2 = std::numeric_limits<double>::max();
+  for (const auto& candidate : candidates_.all) {
+    others_N2 = candidate->awake() ? std::min(others_N2, candidate->long_score_N2) : others_N2;
+  }
+  if (walls.long_score_N2 > thresholds_.wall_refuted * others_N2 + thresholds_.wall_refuted_N2) {
+    walls.score_N2 = std::max(walls.score_N2, walls.long_score_N2);
+  }
 }
 
 // Of `places` and all that are awake.

@@ -83,8 +83,8 @@ class CandidateChoice {
   /// The best of the others that are awake and know something of their own.
   std::size_t runner_up(std::size_t rendered) const noexcept;
   /// The candidate that begins a contact: `places` if it was asked about or knows the place, else
-  /// the best at first touches. Restarts the scores from the record of first touches. Needs
-  /// Candidates::places.
+  /// the best at first touches. Restarts the scores from the record of first touches, but for
+  /// `walls` where it was wrong lately. Needs Candidates::places.
   /// @param answers_before for the expected contact; `origin_known` of the contact.
   Choice for_contact(int answers_before, bool origin_known, std::size_t rendered) noexcept;
   /// Whether `places` knows the present place, by its field as it is now, and is no worse than the
@@ -101,6 +101,7 @@ class CandidateChoice {
   Peers peers() const noexcept;
 
  private:
+  void remember_refuted_walls() noexcept;
   double least_score_N2() const noexcept;
   void weigh(const EvaluatedSample& sample) noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;

@@ -224,6 +224,23 @@ TEST_F(CandidateChoiceTest, BeginsAContactWithTheBestOfFirstTouches) {
   EXPECT_EQ(choice_.for_contact(0, true, 3).candidate, 2u);
 }
 
+// Its surfaces stay in the workspace, and one that was wrong can push with tens of newtons.
+TEST_F(CandidateChoiceTest, BeginsNoContactWithWallsThatWereWrongLately) {
+  const std::size_t walls = index("walls");
+  teach_a_wall(*candidates_.all[walls]);
+  EvaluatedSample first = sample(1.0, walls, 0.01);
+  first.first_touch = true;
+  for (int i = 0; i < 10; ++i) {
+    choice_.score(first, 0);
+  }
+  EXPECT_EQ(choice_.for_contact(0, true, 0).candidate, walls);
+  for (int i = 0; i < 3; ++i) {
+    choice_.score(sample(0.01, walls, 20.0), 0);
+  }
+  EXPECT_NE(choice_.for_contact(0, true, 0).candidate, walls);
+  EXPECT_NE(choice_.for_contact(0, true, walls).candidate, walls);
+}
+
 TEST_F(CandidateChoiceTest, BeginsNoContactWithOneThatTookNoFirstTouchItself) {
   // The rendered one changes; each time it is the best, and the one without use errs like it.
   const std::size_t no_use = index("unfinished");
