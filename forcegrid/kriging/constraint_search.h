@@ -20,9 +20,9 @@ namespace forcegrid::kriging {
 /// accepted if it gains 15 nats over the refined present constraints. With two in use it must
 /// replace one. A force that falls short along its own direction means an object that gives way (a
 /// cut, relaxation) and is not explained.
-/// Cost: a piece is about as much as taking a sample, and the first ones up to three times that (a
+/// Cost: a piece is about a Newton step of a constraint, the first ones up to four of them (a
 /// wall cannot wait); a search that finds the first wall among 32 samples has 3 or 4, one in vain
-/// up to some 50. Real-time: nothing allocates, locks or throws. Threads: one.
+/// up to some 120. Real-time: nothing allocates, locks or throws. Threads: one.
 class ConstraintSearch {
  public:
   /// Begins with a surprising sample, whose rows must be the fit's last ones, and the fit's present
@@ -55,9 +55,9 @@ class ConstraintSearch {
   };
   // What a piece costs, as cost() of triangular solves with three right-hand sides. A wall cannot
   // wait: a search has some larger pieces, fewer where most were in vain.
-  static constexpr int kPiece = 360'000;
+  static constexpr int kPiece = 100'000;
   static constexpr int kSwiftPiece = 600'000;
-  static constexpr int kSwiftestPiece = 950'000;
+  static constexpr int kSwiftestPiece = 750'000;
   static constexpr int kMostInVain = 6;
   /// Of one solve, and what belongs to it.
   static int cost(int rows) noexcept { return rows * (rows + 200); }

@@ -24,6 +24,7 @@ UnilateralConstraintField<Real>::UnilateralConstraintField(const FieldSettings& 
 template <typename Real>
 void UnilateralConstraintField<Real>::set_constraints(
     std::span<const UnilateralConstraint> constraints) noexcept {
+  refined_ = kNoneRefined;
   fit_.set_constraints(constraints);
   this->collapse();
 }
@@ -151,13 +152,19 @@ void UnilateralConstraintField<Real>::end_search() noexcept {
     }
   }
   this->finish_surprise(sought_, error_N_, taken_);
+  while (taken_.explained && refine_once()) {  // a wall cannot wait
+  }
 }
 
 template <typename Real>
 bool UnilateralConstraintField<Real>::prepare() noexcept {
   if (seeking_ == Seeking::kNothing) {
-    const bool did = Base::prepare();
-    return Base::prepare() || did;  // twice as much at once: a wall cannot wait
+    if (this->blocks_due_ == 0) {
+      return refine_once();
+    }
+    Base::prepare();
+    Base::prepare();  // twice as much at once: a wall cannot wait
+    return true;
   }
   if (seeking_ == Seeking::kBegins) {
     leave_doubts_out();
@@ -175,12 +182,40 @@ bool UnilateralConstraintField<Real>::prepare() noexcept {
   return true;
 }
 
+// One Newton step of one constraint. @returns false if none was due.
+template <typename Real>
+bool UnilateralConstraintField<Real>::refine_once() noexcept {
+  if (refined_ == kNoneRefined) {
+    return false;
+  }
+  if (!fit_.refine_once() && ++refined_ < fit_.count()) {
+    fit_.begin_refining(refined_, kStepsOnSample);
+  }
+  if (refined_ == fit_.count()) {
+    refined_ = kNoneRefined;
+    this->collapse();
+    update_data_scale();
+  }
+  return true;
+}
+
+// The scale of samples that were no surprise, with constraints that have been refined to them.
+template <typename Real>
+void UnilateralConstraintField<Real>::update_data_scale() noexcept {
+  if (scale_due_) {
+    fit_.set_data_scale(this->data_scale());
+  }
+  scale_due_ = false;
+}
+
 template <typename Real>
 bool UnilateralConstraintField<Real>::begin_with(
     std::span<const Observation> observations) noexcept {
+  refines_ = false;
+  refined_ = kNoneRefined;
+  scale_due_ = false;
   if (seeking_ != Seeking::kNothing) {
     seeking_ = Seeking::kNothing;
-    refinements_due_ = 0;
     restore_walls();
   }
   return Base::begin_with(observations);
@@ -189,11 +224,14 @@ bool UnilateralConstraintField<Real>::begin_with(
 template <typename Real>
 Innovation UnilateralConstraintField<Real>::take(const Observation& o) noexcept {
   this->finish();
-  refinements_due_ = kStepsOnSample;
+  refines_ = true;
   const Innovation innovation = Base::take(o);
   if (!innovation.surprised) {
     failures_ = 0;
-    fit_.set_data_scale(this->data_scale());
+    scale_due_ = true;
+    if (refined_ == kNoneRefined) {
+      update_data_scale();
+    }
   }
   return innovation;
 }
@@ -202,11 +240,13 @@ template <typename Real>
 void UnilateralConstraintField<Real>::solve_weights() noexcept {
   set_rows();
   fit_.refit();
-  for (int h = 0; h < fit_.count(); ++h) {
-    fit_.refine(h, refinements_due_);
+  if (refines_ && fit_.count() > 0) {
+    refined_ = 0;
+    fit_.begin_refining(refined_, kStepsOnSample);
+  } else {
+    fit_.drop_unneeded();
   }
-  refinements_due_ = 0;
-  fit_.drop_unneeded();
+  refines_ = false;
   wall_count_ = fit_.count();
   for (int h = 0; h < wall_count_; ++h) {
     walls_[static_cast<std::size_t>(h)] = {fit_.constraints()[static_cast<std::size_t>(h)],

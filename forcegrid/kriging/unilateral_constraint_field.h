@@ -32,9 +32,11 @@ namespace forcegrid::kriging {
 /// The search takes many times as long as a sample. It is done by prepare(), in pieces; until it is
 /// over, take() is unfinished, and read() answers as before.
 ///
-/// Cost beyond DictionaryField: per sample up to two Newton steps per constraint; per surprise up
-/// to two factorisations and a search; per read() one exponential and one logarithm for each
-/// constraint nearby.
+/// A sample refines the constraints by up to two Newton steps each, which prepare() makes one by
+/// one; until then read() answers with their shapes from before, fitted to the sample.
+///
+/// Cost beyond DictionaryField: these steps; per surprise up to two factorisations and a search;
+/// per read() one exponential and one logarithm for each constraint nearby.
 /// Failure: alone, it is dangerous where surprises have other causes: viscosity, relaxation, cuts,
 /// noise. Use it as a candidate of an ensemble. Friction on a wall is not part of the model.
 /// Real-time: as Field. Threads: one.
@@ -49,7 +51,9 @@ class UnilateralConstraintField final
   Innovation take(const Observation& observation) noexcept override;
   Innovation taken() const noexcept override { return taken_; }
   bool prepare() noexcept override;
-  bool ready() const noexcept override { return seeking_ == Seeking::kNothing && Base::ready(); }
+  bool ready() const noexcept override {
+    return seeking_ == Seeking::kNothing && refined_ == kNoneRefined && Base::ready();
+  }
   /// Does not put the weights off: with them it refines and drops constraints.
   void expect_reads(bool /*expected*/) noexcept override {}
   Reading read(const Eigen::Vector3d& position_m, const History& history) const noexcept override;
@@ -90,6 +94,8 @@ class UnilateralConstraintField final
   void begin_search() noexcept;
   void restore_walls() noexcept;
   void end_search() noexcept;
+  bool refine_once() noexcept;
+  void update_data_scale() noexcept;
   void solve_weights() noexcept override;
   void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
                     const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
@@ -103,8 +109,11 @@ class UnilateralConstraintField final
   bool features_need(int slot) const noexcept override;
   void set_rows() noexcept;
 
-  int refinements_due_ = 0;
-  int failures_ = 0;  ///< surprises in a row that no constraint explained
+  static constexpr int kNoneRefined = -1;
+  bool refines_ = false;        ///< once the weights are solved for
+  int refined_ = kNoneRefined;  ///< constraint that prepare() improves next
+  bool scale_due_ = false;      ///< once they are refined
+  int failures_ = 0;            ///< surprises in a row that no constraint explained
   ConstraintFit fit_;
   std::array<Wall, ConstraintFit::kMaxConstraints> walls_;
   int wall_count_ = 0;

@@ -534,6 +534,48 @@ TEST(UnilateralConstraintField, SeeksInBoundedPiecesAndAnswersAsBefore) {
   EXPECT_EQ(field.constraint_count(), 1);
 }
 
+// A sample is fitted at once; the shapes of the walls are refined in pieces, which need not wait
+// for one another, and nobody sees them half refined.
+TEST(UnilateralConstraintField, RefinesItsWallsInPieces) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const auto told = [&](int i) {
+    const Vector3d p = motion.position_m(i * kPeriod_s);
+    return observe(p, object.force_N(p) + plane_N(p, Vector3d::UnitZ(), {0, 0, 0.005}, 1000.0));
+  };
+  const Vector3d beyond_m(0.001, 0.002, 0.009);
+  UnilateralConstraintField<double> field{FieldSettings{}};
+  UnilateralConstraintField<double> at_the_next{FieldSettings{}};
+  int refined = 0;
+  int moved = 0;
+  int most_pieces = 0;
+  for (int i = 0; i < 300; ++i) {
+    const bool searches = field.take(told(i)).unfinished;
+    at_the_next.take(told(i));
+    const bool knew = field.knows_walls() && !searches;
+    EXPECT_TRUE(!knew || (force_N(field, told(i).position_m) - told(i).force_N).norm() < 0.3);
+    const Vector3d first_N = force_N(field, beyond_m);
+    int pieces = 0;
+    while (!field.ready()) {
+      EXPECT_TRUE(searches || force_N(field, beyond_m) == first_N) << "piece " << pieces;
+      EXPECT_TRUE(field.prepare());
+      ++pieces;
+    }
+    EXPECT_FALSE(field.prepare());
+    refined += knew && pieces > 0 ? 1 : 0;
+    moved += knew && force_N(field, beyond_m) != first_N ? 1 : 0;
+    most_pieces = std::max(most_pieces, searches ? 0 : pieces);
+  }
+  EXPECT_GT(refined, 100);
+  EXPECT_GT(moved, 50);
+  EXPECT_LE(most_pieces, 2 * ConstraintFit::kMaxConstraints + 1);
+  at_the_next.take(told(300));
+  field.take(told(300));
+  while (field.prepare() || at_the_next.prepare()) {
+  }
+  EXPECT_EQ(force_N(at_the_next, beyond_m), force_N(field, beyond_m));
+}
+
 // What is left is done by the next take() at the latest, and a field that begins anew forgets it.
 TEST(UnilateralConstraintField, EndsASearchThatNobodyGoesOnWith) {
   const AnchoredSprings object(kSeed);
