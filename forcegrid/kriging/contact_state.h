@@ -14,8 +14,8 @@ class ContactState {
  public:
   /// [s] An expectation lapses unless it is repeated within this time.
   static constexpr double kExpected_s = 0.1;
-  /// [m] Expected contact points that differ by more than this belong to different contacts.
-  static constexpr double kExpectedApart_m = 0.002;
+  /// [m] Contact points that differ by more than this belong to different contacts.
+  static constexpr double kApart_m = 0.002;
 
   /// A contact begins. Its origin is unknown until set_origin().
   void made(double time_s) noexcept {
@@ -35,7 +35,7 @@ class ContactState {
   /// @returns true if it differs from the one expected before: it has a new number, and its origin
   ///   must be set.
   bool expect(double time_s, const Eigen::Vector3d& point_W) noexcept {
-    const bool another = !expects(time_s) || (point_W - origin_W_).norm() > kExpectedApart_m;
+    const bool another = !expects(time_s) || (point_W - origin_W_).norm() > kApart_m;
     expected_s_ = time_s;
     number_ += another ? 1 : 0;
     return another;
@@ -46,6 +46,10 @@ class ContactState {
   }
 
   bool in_contact() const noexcept { return in_contact_; }
+  /// Whether the tool is in contact, at this point.
+  bool is_at(const Eigen::Vector3d& point_W) const noexcept {
+    return in_contact_ && has_origin_ && (point_W - origin_W_).norm() < kApart_m;
+  }
   /// False until a contact has been made or lost for the first time.
   bool known() const noexcept { return known_; }
   bool expects(double time_s) const noexcept { return time_s - expected_s_ < kExpected_s; }

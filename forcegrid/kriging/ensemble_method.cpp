@@ -163,6 +163,7 @@ Eigen::Vector3d EnsembleMethod::force_N(const Candidate& candidate) const noexce
 
 void EnsembleMethod::contact_made(std::uint32_t /*epoch*/,
                                   const Eigen::Vector3d& point_W) noexcept {
+  const bool changed = contact_.is_at(point_W);  // the object, by a cut, say
   contact_.made(motion_.time_s());
   if (point_W.allFinite()) {
     enter_contact(point_W);
@@ -172,17 +173,19 @@ void EnsembleMethod::contact_made(std::uint32_t /*epoch*/,
   rendering_.begin_contact();
   requests_.begin_contact();
   fade_.clear();
-  if (asks_before_contact()) {
+  if (asks_before_contact() && !changed) {
     const kriging::CandidateChoice::Choice choice =
         choice_.for_contact(answers_before_, contact_.has_origin(), rendered_);
     if (choice.candidate != rendered_ || choice.reason != ChoiceReason::kFirstTouches) {
       hand_over(choice.candidate, choice.reason);
     }
+  } else if (rendered_ == candidates_.places && choice_.runner_up(rendered_) != Candidates::kNone) {
+    hand_over(choice_.runner_up(rendered_), ChoiceReason::kFirstTouches);
   }
   answers_before_ = 0;
   wake_rule_.contact_made();
   follow_wake_rule();
-  place_undecided_ = asks_before_contact() && rendered_ != candidates_.places &&
+  place_undecided_ = asks_before_contact() && !changed && rendered_ != candidates_.places &&
                      candidates_.all[candidates_.places]->awake() &&
                      !candidates_.all[candidates_.places]->field().ready();
   update_uncertainty();

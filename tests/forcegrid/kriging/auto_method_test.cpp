@@ -63,6 +63,28 @@ TEST(AutoMethod, BeginsWithThePlaceThatItKnows) {
   EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
 }
 
+// A new contact at the point where the tool is announces that the object has changed, by a cut,
+// say.
+TEST(AutoMethod, DoesNotKnowAPlaceWhereTheObjectHasChanged) {
+  const auto method = make_auto();
+  for (std::uint32_t contact = 1; contact <= 4; ++contact) {
+    hold(*method, contact, kPlace_W + Vector3d(0.002 * contact, 0.0, 0.0), 2.0 * contact);
+  }
+  const Vector3d again_W = kPlace_W + Vector3d(0.004, 0.0, 0.0);
+  method->contact_made(5, again_W);
+  work(*method);
+  ASSERT_EQ(method->force(10.0, again_W).reason, ChoiceReason::kKnownPlace);
+  method->take_sample(sample_at(10.0, again_W, Vector3d(0.0, 0.0, -0.001)));
+  work(*method);
+  method->contact_made(6, again_W);
+  work(*method);
+  EXPECT_NE(method->force(10.0, again_W).reason, ChoiceReason::kKnownPlace);
+  const Vector3d elsewhere_W = again_W + Vector3d(0.004, 0.0, 0.0);
+  method->contact_made(7, elsewhere_W);
+  work(*method);
+  EXPECT_EQ(method->force(10.0, elsewhere_W).reason, ChoiceReason::kKnownPlace) << "a slip";
+}
+
 // What `places` knows of the place where the tool is now is not there when the contact begins.
 TEST(AutoMethod, KnowsAPlaceAgainThatItLeftForAnother) {
   const auto method = make_auto();
