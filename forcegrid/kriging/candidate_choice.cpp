@@ -130,14 +130,16 @@ std::size_t CandidateChoice::likeliest_general(std::size_t than) const noexcept 
 
 // Whether it may be better than the rendered one by luck: over more samples it was worse, or that
 // one has explained what no other can, and the difference is noise. `walls` and `newest` are right
-// at once, or not at all.
+// at once, or not at all; but where a tool rests, `newest` is, whoever knows the object.
 bool CandidateChoice::is_lucky(std::size_t index, std::size_t rendered) const noexcept {
   const Candidate& candidate = *candidates_.all[index];
   const Candidate& other = *candidates_.all[rendered];
   const bool by_noise =
       other.claim_stands() && other.score_N2 - candidate.score_N2 < other.noise_N2();
-  return long_scored_ >= thresholds_.long_enough && index != rendered &&
-         index != candidates_.walls && index != candidates_.newest &&
+  const bool may_be_right_at_once =
+      index == candidates_.walls ||
+      (index == candidates_.newest && other.score_N2 > thresholds_.path_wrong_N2);
+  return long_scored_ >= thresholds_.long_enough && index != rendered && !may_be_right_at_once &&
          (by_noise || candidate.long_score_N2 > other.long_score_N2);
 }
 

@@ -108,6 +108,23 @@ TEST_F(CandidateChoiceTest, TakesAFewBetterSamplesOfOneThatWasWorseForLuck) {
   EXPECT_EQ(choice_.best(0), walls) << "three times 0.297, not twelve";
 }
 
+// A tool at rest makes the newest sample seem to be all there is to know.
+TEST_F(CandidateChoiceTest, LeavesARestingToolToWhoeverKnowsTheObject) {
+  const std::size_t newest = index("newest");
+  const auto chosen = [&](double others_N, int rests) {
+    for (int i = 0; i < 100; ++i) {
+      choice_.score(sample(others_N * others_N, newest, 0.04), 0);  // in motion
+    }
+    for (int i = 0; i < rests; ++i) {
+      choice_.score(sample(others_N * others_N, newest, 0.0), 0);
+    }
+    EXPECT_GT(candidates_.all[newest]->long_score_N2, others_N * others_N);
+    return choice_.best(0);
+  };
+  EXPECT_EQ(chosen(0.0013, 72), 0u);
+  EXPECT_EQ(chosen(0.030, 32), newest) << "right at once, where nobody else is";
+}
+
 // Candidates that expect more or less noise err alike. Which is right shows in how large an error
 // each one expected, long before the errors themselves tell.
 TEST_F(CandidateChoiceTest, PrefersTheMoreLikelyOfThoseThatErrAlike) {
