@@ -60,6 +60,10 @@ Peers CandidateChoice::peers() const noexcept {
 }
 
 std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
+  const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
+  if (candidates_.all[rendered]->score_N2 < good_enough_N2) {
+    return rendered;
+  }
   const Peers peers = this->peers();
   std::size_t best = rendered;
   double least_N2 = thresholds_.hysteresis * candidates_.all[rendered]->rate(peers);

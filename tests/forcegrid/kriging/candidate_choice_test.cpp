@@ -70,6 +70,18 @@ TEST_F(CandidateChoiceTest, KeepsTheRenderedOneUnlessAnotherIsClearlyBetter) {
   EXPECT_EQ(choice_.best(0), smooth);
 }
 
+TEST_F(CandidateChoiceTest, KeepsTheRenderedOneWhoseErrorsNobodyFeels) {
+  const std::size_t smooth = index("smooth");
+  const auto best = [&](double error_N) {
+    for (int i = 0; i < 100; ++i) {
+      choice_.score(sample(error_N * error_N, smooth, 0.0), 0);
+    }
+    return choice_.best(0);
+  };
+  EXPECT_EQ(best(0.99e-3), 0u);
+  EXPECT_EQ(best(1.01e-3), smooth);
+}
+
 TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
   choice_.score(sample(1.0, 1, 0.0), 0);
   EXPECT_NEAR(candidates_.all[0]->score_N2, 1.0 - thresholds_.score_kept, 1e-12);
