@@ -56,7 +56,7 @@ bool WakeRule::rendered_deviates(double deviation_N) noexcept {
   const double errs_N = std::sqrt(candidates_.all[rendered_]->long_score_N2);
   const bool unsure = deviation_N > std::max(thresholds_.unsure_N, errs_N);
   const bool event = all_awake_ || woken();
-  const bool begins = places_learn_ || contact_begins_ || rendered_ == candidates_.places;
+  const bool begins = contact_begins_ || rendered_ == candidates_.places;
   const bool asked = queued_ < asked_until_ || rendered_ == candidates_.memory ||
                      auditioned_ == candidates_.memory;
   if (!enabled_ || !unsure || event || begins || asked) {

@@ -408,6 +408,20 @@ TEST(Auditions, OfMemoryAreNotForAFieldThatErrsByAsMuchAnyway) {
   EXPECT_TRUE(s.awake("memory"));
 }
 
+// In the first 0.4 s of one about which "places" is asked, it is for that.
+TEST(Auditions, OfMemoryMayBeginWithAContactAboutWhichPlacesIsNotAsked) {
+  Sleepers s;
+  s.all_fall_asleep();
+  for (const int contact : {1, 2}) {
+    s.rule.contact_made();
+    for (int sample = 0; sample < 5; ++sample) {  // those of the contact's own audition
+      s.queued("exact", 0.1, {});
+    }
+    ASSERT_EQ(s.awake("places"), contact == 1);
+    EXPECT_EQ(s.rule.rendered_deviates(kUnsure_N), contact == 2);
+  }
+}
+
 TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprised) {
   Sleepers s;
   s.all_fall_asleep();
