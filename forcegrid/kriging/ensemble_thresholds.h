@@ -21,15 +21,15 @@ struct EnsembleThresholds {
   /// [nats] Evidence against the rendered candidate that wakes everybody: if its predictions are
   /// right, at most once in exp(8) = 3,000 samples. [wake]
   double misfit_nats = 8.0;
-  double good_enough_N = 1e-3;   ///< [N] smaller errors are as good as none. [wake]
+  double good_enough_N = 1e-3;   ///< [N] smaller errors are as good as none; nobody takes over
+                                 ///< from one whose score is below the square. [wake]
   double as_good_N = 0.7e-3;     ///< [N] more than the rendered one: nearly as good. [wake]
   bool everybody_awake = false;  ///< all the time, to compare with
   int awake_samples = 30;        ///< scored before all may sleep. [wake]
   int specialist_samples = 60;   ///< the same while a specialist is rendered. [wake]
   double regret = 1.02;          ///< squared error of one alone over that of the choice. [wake]
   double regret_kept = 0.98;     ///< of both, per sample: 50 samples. [wake]
-  int path_lately = 60;          ///< samples after which a candidate that knows the path counts
-                                 ///< as not needed. [wake]
+  int path_lately = 60;          ///< samples after which the path counts as not needed. [wake]
   int hopeless_samples = 40;     ///< scored before single candidates may sleep. [wake]
   double hopeless = 16.0;        ///< squared error over the rendered one's, summed; and ... [wake]
   double hopeless_share = 0.5;   ///< ... in most samples, see WakeRule. [wake]

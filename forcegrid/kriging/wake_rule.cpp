@@ -17,7 +17,9 @@ void WakeRule::sample_queued(std::uint64_t number, const QueuedSample& sample,
                              double since_contact_s, std::size_t rendered) noexcept {
   queued_ = number + 1;
   rendered_ = rendered;
-  last_rendered_[rendered] = queued_;
+  if (!candidates_.all[rendered]->knows_path()) {
+    last_rendered_[rendered] = queued_;
+  }
   unchosen_ = chosen_ ? unchosen_ : queued_;
   contact_begins_ =
       sample.before_contact || (places_asked_ && since_contact_s < thresholds_.places_learn_s);
@@ -50,8 +52,8 @@ void WakeRule::audition() noexcept {
 }
 
 // The tool may be back at a place that `memory` has kept, unless there was an event since. Where a
-// contact begins, that is for `places`. A deviation no larger than the candidate's recent errors
-// shows that samples are noisy, wherever the tool is.
+// contact begins and `places` is asked, that is for it. A deviation no larger than the candidate's
+// recent errors shows that samples are noisy, wherever the tool is.
 bool WakeRule::rendered_deviates(double deviation_N) noexcept {
   const double errs_N = std::sqrt(candidates_.all[rendered_]->long_score_N2);
   const bool unsure = deviation_N > std::max(thresholds_.unsure_N, errs_N);
@@ -145,9 +147,12 @@ bool WakeRule::scored(const CandidateChoice& choice) noexcept {
   if (!enabled_) {
     return false;
   }
-  // Where others are good enough, who knows the path was better by luck, and explains nothing.
-  if (candidates_.all[rendered_]->knows_path() &&
-      choice.peers().general_long_score_N2 > thresholds_.path_wrong_N2) {
+  // Where others are good enough, and at first, who knows the path is better by luck, and explains
+  // nothing.
+  const Peers peers = choice.peers();
+  if (candidates_.all[rendered_]->knows_path() && peers.long_scored >= thresholds_.long_enough &&
+      peers.general_long_score_N2 > thresholds_.path_wrong_N2) {
+    last_rendered_[rendered_] = queued_;
     path_explains_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.path_lately);
   }
   if (!all_awake_) {

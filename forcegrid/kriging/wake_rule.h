@@ -20,7 +20,7 @@ namespace forcegrid::kriging {
 /// rendered candidate's innovations are larger than it says (Misfit), or at which `newest` takes
 /// over. All sleep once that was no use: over the last samples the rendered candidate alone would
 /// have done as well as the choice between all has done, and no other one alone better. As long as
-/// a candidate that knows the path has been rendered lately, nobody sleeps for that reason.
+/// the path has explained the force lately, nobody sleeps for that reason.
 ///
 /// Single candidates sleep while the others are awake if they are hopeless: over the last samples
 /// their squared errors are `hopeless` times those of the rendered one, not by a few samples alone,
@@ -123,7 +123,8 @@ class WakeRule {
   std::uint64_t queued_ = 0;
   bool chosen_ = false;  ///< the rendered one is not just that which began
   std::array<std::uint64_t, kMaxCandidates>
-      last_rendered_{};  ///< number + 1 of the sample; 0: never
+      last_rendered_{};  ///< number + 1 of the sample; 0: never. Of one that knows the path: when
+                         ///< the path explained the force.
   std::array<std::uint64_t, kMaxCandidates>
       dismissed_{};             ///< until then it was no use to keep it awake
   std::uint64_t unchosen_ = 0;  ///< until then the rendered one was just that which began

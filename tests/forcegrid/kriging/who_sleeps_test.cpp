@@ -55,6 +55,15 @@ class Sleepers {
     ASSERT_FALSE(rule.all_awake());
   }
 
+  // By 1 N, and for so long that it is no longer luck if one that knows the path errs less.
+  void all_have_erred() {
+    EvaluatedSample evaluated;
+    evaluated.error_N2.fill(1.0);
+    for (std::uint64_t i = 0; i < thresholds.long_enough; ++i) {
+      choice_.score(evaluated, 0);
+    }
+  }
+
   std::size_t index(const std::string& name) const {
     for (std::size_t i = 0; i < candidates.all.size(); ++i) {
       if (candidates.all[i]->name() == name) {
@@ -72,7 +81,7 @@ class Sleepers {
   WakeRule rule{candidates, thresholds, true};
 
  private:
-  const CandidateChoice choice_{candidates, thresholds};
+  CandidateChoice choice_{candidates, thresholds};
   std::uint64_t number_ = 0;
 };
 
@@ -99,13 +108,28 @@ TEST(TheOneThatBegan, SleepsWithAllOthersUnlessItWasChosen) {
 TEST(TheOneThatBegan, StaysBesideAnotherThatWasRenderedLately) {
   Sleepers s;
   s.samples(5, "smooth", {});
+  s.all_have_erred();
   s.rule.handed_over(s.index("viscous"));
   s.sample("viscous", {});
   s.rule.handed_over(s.index("exact"));
-  s.samples(70, "exact", {});  // until the path is no longer needed
+  s.samples(59, "exact", {});
+  EXPECT_TRUE(s.rule.all_awake()) << "the path was needed";
+  s.samples(11, "exact", {});
   ASSERT_FALSE(s.rule.all_awake());
   EXPECT_TRUE(s.awake("viscous"));
   EXPECT_TRUE(s.awake("smooth"));
+}
+
+// A field that knows the path may fit the first few samples better, as any field may.
+TEST(WhoKnowsThePath, IsNotNeededForWhatItWasRenderedByLuck) {
+  Sleepers s;
+  s.samples(5, "smooth", {});
+  s.rule.handed_over(s.index("viscous"));
+  s.sample("viscous", {});
+  s.rule.handed_over(s.index("exact"));
+  s.all_fall_asleep();
+  EXPECT_FALSE(s.awake("viscous"));
+  EXPECT_FALSE(s.awake("smooth"));
 }
 
 // "smooth" was chosen, then "exact"; all fall asleep but these.
@@ -228,6 +252,7 @@ TEST(HopelessCandidates, AreNeverTheBestThatKnowsThePositionAloneNorTheNewestSam
 TEST(HopelessCandidates, StayAwakeFor200SamplesAfterTheyWereRendered) {
   Sleepers s;
   const Errors_N2 errors_N2{{"viscous", 1.0}, {"smooth", 50.0}};
+  s.all_have_erred();
   s.sample("exact", errors_N2, 100.0);
   s.samples(199, "viscous", errors_N2, 100.0);
   EXPECT_TRUE(s.awake("exact"));
@@ -239,6 +264,7 @@ TEST(HopelessCandidates, StayAwakeFor200SamplesAfterTheyWereRendered) {
 TEST(HopelessCandidates, AreNotLookedForWhileWallsWasRenderedInTheLast60Samples) {
   Sleepers s;
   const Errors_N2 errors_N2{{"walls", 1.0}, {"viscous", 1.0}, {"smooth", 50.0}};
+  s.all_have_erred();
   s.samples(30, "walls", errors_N2, 100.0);
   s.samples(58, "viscous", errors_N2, 100.0);
   EXPECT_TRUE(s.awake("noisy"));
@@ -499,8 +525,8 @@ TEST(Moved, WakesWithAllOthersUnlessTheForceDependedOnThePath) {
     Sleepers damped;
     damped.samples(5, "viscous", {});
     damped.rule.handed_over(damped.index("exact"));
-    damped.samples(70, "exact", {});  // until the path is no longer needed
-    ASSERT_FALSE(damped.rule.all_awake());
+    damped.all_fall_asleep();
+    damped.all_have_erred();
     for (const auto& candidate : damped.candidates.all) {
       candidate->long_score_N2 = others_N * others_N;
     }
