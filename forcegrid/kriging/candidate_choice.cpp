@@ -61,16 +61,20 @@ Peers CandidateChoice::peers() const noexcept {
 
 std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
-  if (candidates_.all[rendered]->score_N2 < good_enough_N2) {
+  if (rendered != candidates_.newest && candidates_.all[rendered]->score_N2 < good_enough_N2) {
     return rendered;
   }
   const Peers peers = this->peers();
+  // Where a tool rests it is right, whoever knows the object; but it would not push back.
+  const bool newest_may = candidates_.all[rendered]->score_N2 > thresholds_.path_wrong_N2;
   std::size_t best = rendered;
   double least_N2 = thresholds_.hysteresis * candidates_.all[rendered]->rate(peers);
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double weight = is_lucky(i, rendered) ? thresholds_.lucky_weight : 1.0;
     const double rated_N2 = weight * candidates_.all[i]->rate(peers);
-    if (candidates_.all[i]->awake() && candidates_.all[i]->scored_by_own && rated_N2 < least_N2) {
+    const bool may_take_over = candidates_.all[i]->awake() && candidates_.all[i]->scored_by_own &&
+                               (i != candidates_.newest || newest_may);
+    if (may_take_over && rated_N2 < least_N2) {
       best = i;
       least_N2 = rated_N2;
     }
@@ -134,16 +138,14 @@ std::size_t CandidateChoice::likeliest_general(std::size_t than) const noexcept 
 
 // Whether it may be better than the rendered one by luck: over more samples it was worse, or that
 // one has explained what no other can, and the difference is noise. `walls` and `newest` are right
-// at once, or not at all; but where a tool rests, `newest` is, whoever knows the object.
+// at once, or not at all.
 bool CandidateChoice::is_lucky(std::size_t index, std::size_t rendered) const noexcept {
   const Candidate& candidate = *candidates_.all[index];
   const Candidate& other = *candidates_.all[rendered];
   const bool by_noise =
       other.claim_stands() && other.score_N2 - candidate.score_N2 < other.noise_N2();
-  const bool may_be_right_at_once =
-      index == candidates_.walls ||
-      (index == candidates_.newest && other.score_N2 > thresholds_.path_wrong_N2);
-  return long_scored_ >= thresholds_.long_enough && index != rendered && !may_be_right_at_once &&
+  const bool right_at_once = index == candidates_.walls || index == candidates_.newest;
+  return long_scored_ >= thresholds_.long_enough && index != rendered && !right_at_once &&
          (by_noise || candidate.long_score_N2 > other.long_score_N2);
 }
 

@@ -79,6 +79,7 @@ TEST_F(CandidateChoiceTest, KeepsTheRenderedOneWhoseErrorsNobodyFeels) {
     return choice_.best(0);
   };
   EXPECT_EQ(best(0.99e-3), 0u);
+  EXPECT_EQ(choice_.best(index("newest")), smooth) << "it does not push back";
   EXPECT_EQ(best(1.01e-3), smooth);
 }
 
@@ -130,10 +131,10 @@ TEST_F(CandidateChoiceTest, LeavesARestingToolToWhoeverKnowsTheObject) {
     for (int i = 0; i < rests; ++i) {
       choice_.score(sample(others_N * others_N, newest, 0.0), 0);
     }
-    EXPECT_GT(candidates_.all[newest]->long_score_N2, others_N * others_N);
     return choice_.best(0);
   };
   EXPECT_EQ(chosen(0.0013, 72), 0u);
+  EXPECT_EQ(chosen(0.0099, 72), 0u) << "it would render a force that does not push back";
   EXPECT_EQ(chosen(0.030, 32), newest) << "right at once, where nobody else is";
 }
 
