@@ -51,13 +51,13 @@ void WakeRule::audition() noexcept {
   audition_at_contact_ = false;
 }
 
-// The tool may be back at a place that `memory` has kept, unless there was an event since. Where a
+// The tool may be back at a place that `memory` has kept, unless there was an event lately. Where a
 // contact begins and `places` is asked, that is for it. A deviation no larger than the candidate's
 // recent errors shows that samples are noisy, wherever the tool is.
 bool WakeRule::rendered_deviates(double deviation_N) noexcept {
   const double errs_N = std::sqrt(candidates_.all[rendered_]->long_score_N2);
   const bool unsure = deviation_N > std::max(thresholds_.unsure_N, errs_N);
-  const bool event = all_awake_ || woken();
+  const bool event = all_awake_ || woken_lately();
   const bool begins = contact_begins_ || rendered_ == candidates_.places;
   const bool asked = queued_ < asked_until_ || rendered_ == candidates_.memory ||
                      auditioned_ == candidates_.memory;
@@ -213,9 +213,7 @@ bool WakeRule::rendered_suffices() const noexcept {
 
 // After an event, others may be needed at the next one.
 bool WakeRule::dismiss_kept() noexcept {
-  const bool event_lately =
-      all_woken_ != 0 && queued_ <= all_woken_ + static_cast<std::uint64_t>(thresholds_.lately);
-  if (event_lately || !rendered_suffices()) {
+  if (woken_lately() || !rendered_suffices()) {
     return false;
   }
   bool slept = false;
@@ -290,6 +288,10 @@ void WakeRule::contact_made() noexcept {
     until_audition_ = 1;
     audition_at_contact_ = true;
   }
+}
+
+bool WakeRule::woken_lately() const noexcept {
+  return woken() && queued_ <= all_woken_ + static_cast<std::uint64_t>(thresholds_.lately);
 }
 
 bool WakeRule::rendered_within(std::size_t index, int samples) const noexcept {

@@ -448,7 +448,7 @@ TEST(Auditions, OfMemoryMayBeginWithAContactAboutWhichPlacesIsNotAsked) {
   }
 }
 
-TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprised) {
+TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprisedInTheLast200Samples) {
   Sleepers s;
   s.all_fall_asleep();
   s.rule.rendered_had_no_use();
@@ -457,6 +457,10 @@ TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprised) {
   ASSERT_FALSE(s.rule.all_awake());
   s.rule.rendered_deviates(kUnsure_N);
   EXPECT_FALSE(s.awake("memory"));
+  s.samples(170, "exact", {});
+  EXPECT_FALSE(s.rule.rendered_deviates(kUnsure_N));
+  s.sample("exact", {});
+  EXPECT_TRUE(s.rule.rendered_deviates(kUnsure_N));
 }
 
 // Somebody must sleep for everybody to wake.
