@@ -55,7 +55,8 @@ struct EvaluatedSample {
 ///   score <- kept score + (1 - kept) |F_k - F(p_k)|^2       per sample k that all have evaluated
 ///
 /// The least rating (Candidate::rate) wins, unless the rendered candidate's is nearly as good
-/// (EnsembleThresholds::hysteresis); of equal ratings the first. Candidates that know the position
+/// (EnsembleThresholds::hysteresis) or its score below good_enough_N squared; `newest` only where
+/// that is above path_wrong_N2. Of equal ratings the first wins. Candidates that know the position
 /// alone also keep how likely their predictions made the samples (likely_best()).
 /// Real-time: nothing allocates, locks or throws after construction. Threads: one.
 class CandidateChoice {

@@ -131,10 +131,16 @@ TEST_F(CandidateChoiceTest, LeavesARestingToolToWhoeverKnowsTheObject) {
     for (int i = 0; i < rests; ++i) {
       choice_.score(sample(others_N * others_N, newest, 0.0), 0);
     }
+    EXPECT_GT(candidates_.all[newest]->long_score_N2, others_N * others_N);
     return choice_.best(0);
   };
   EXPECT_EQ(chosen(0.0013, 72), 0u);
-  EXPECT_EQ(chosen(0.0099, 72), 0u) << "it would render a force that does not push back";
+  EXPECT_EQ(chosen(0.0099, 60), 0u) << "it would render a force that does not push back";
+  for (int i = 0; i < 72; ++i) {
+    choice_.score(sample(0.0099 * 0.0099, newest, 0.0), 0);
+  }
+  EXPECT_LT(candidates_.all[newest]->long_score_N2, 0.0099 * 0.0099);
+  EXPECT_EQ(choice_.best(0), 0u) << "however long it rests";
   EXPECT_EQ(chosen(0.030, 32), newest) << "right at once, where nobody else is";
 }
 
