@@ -100,7 +100,7 @@ void WakeRule::rendered_had_no_use() noexcept {
 void WakeRule::wake_all() noexcept {
   all_awake_ = true;
   all_woken_ = queued_;
-  path_explained_ = path_explains_until_ >= queued_;
+  path_explained_ = path_explained_lately();
   auditioned_ = Candidates::kNone;
   restart_sums();
   worse_.fill(0.0);
@@ -153,7 +153,6 @@ bool WakeRule::scored(const CandidateChoice& choice) noexcept {
   if (candidates_.all[rendered_]->knows_path() && peers.long_scored >= thresholds_.long_enough &&
       peers.general_long_score_N2 > thresholds_.path_wrong_N2) {
     last_rendered_[rendered_] = queued_;
-    path_explains_until_ = queued_ + static_cast<std::uint64_t>(thresholds_.path_lately);
   }
   if (!all_awake_) {
     return dismiss_kept();
@@ -200,7 +199,7 @@ bool WakeRule::hopeless_sleep() noexcept {
 bool WakeRule::rendered_suffices() const noexcept {
   const bool special = candidates_.all[rendered_]->weight() > 1.0;
   if (awake_for_ < (special ? thresholds_.specialist_samples : thresholds_.awake_samples) ||
-      alone_N2_[rendered_] > thresholds_.regret * chosen_N2_ || path_needed_lately()) {
+      alone_N2_[rendered_] > thresholds_.regret * chosen_N2_ || path_explained_lately()) {
     return false;
   }
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
@@ -317,7 +316,7 @@ bool WakeRule::kept_lately(std::size_t index) const noexcept {
   return false;
 }
 
-bool WakeRule::path_needed_lately() const noexcept {
+bool WakeRule::path_explained_lately() const noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     if (candidates_.all[i]->knows_path() && rendered_within(i, thresholds_.path_lately)) {
       return true;
@@ -333,7 +332,7 @@ bool WakeRule::moved_is_no_cause() const noexcept {
     return true;
   }
   return woken() ? path_explained_
-                 : path_needed_lately() ||
+                 : path_explained_lately() ||
                        queued_ < static_cast<std::uint64_t>(thresholds_.moved_samples);
 }
 

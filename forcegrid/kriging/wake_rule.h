@@ -112,7 +112,7 @@ class WakeRule {
   bool woken_lately() const noexcept;
   bool rendered_within(std::size_t index, int samples) const noexcept;
   bool kept_lately(std::size_t index) const noexcept;
-  bool path_needed_lately() const noexcept;
+  bool path_explained_lately() const noexcept;
   bool moved_is_no_cause() const noexcept;
 
   const Candidates& candidates_;
@@ -133,7 +133,6 @@ class WakeRule {
   bool all_awake_ = true;
   std::uint64_t all_woken_ = 0;                    ///< number + 1 of the sample; 0: never again
   bool path_explained_ = false;                    ///< the path explained the force, until then
-  std::uint64_t path_explains_until_ = 0;          ///< number of a sample
   int awake_for_ = 0;                              ///< scored samples, of the sums below
   double chosen_N2_ = 0.0;                         ///< squared errors of what was rendered, summed
   std::array<double, kMaxCandidates> alone_N2_{};  ///< the same of each candidate
