@@ -252,7 +252,7 @@ void DictionaryField<Real, N, M, K>::scale_by_stiffness(const Observation& o) no
   Matrix6d v = (settings_.kernel.stiffness_stiffness(o.position_m, o.position_m) -
                 factor_.template explained<6>(x_)) *
                data_scale();
-  v.diagonal().array() += stiffness_variance(o.stiffness_N_per_m, 0.0);
+  v.diagonal().array() += stiffness_variance(o.stiffness_N_per_m, o.noise_N2);
   Vector6d error_N_per_m = o.stiffness_N_per_m - factor_.template mean<6>(x_);
   scale_earlier_contacts<6>(x_, earlier.column[0], v, error_N_per_m);
 }
@@ -365,7 +365,7 @@ int DictionaryField<Real, N, M, K>::place(const Observation& o) noexcept {
   }
   stored_[static_cast<std::size_t>(slot)] = {
       o.position_m,        o.force_N,  o.position_m, o.force_N,     o.history,
-      o.stiffness_N_per_m, 0.0,        1.0,          next_order_++, o.from_query,
+      o.stiffness_N_per_m, o.noise_N2, 1.0,          next_order_++, o.from_query,
       o.contact,           o.origin_W, true};
   if constexpr (K > 0) {
     terms_N_[static_cast<std::size_t>(slot)] = o.terms_N.template leftCols<K>();
@@ -409,14 +409,13 @@ Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
   innovation.error_N = error_N.norm();
   const bool fresh_needed = ++takes_since_factorisation_ >= kTakesBetweenFactorisations;
   if (innovation.predicted) {
+    const double noise_N2 = settings_.nugget_N2 + o.noise_N2;
     if (scaling) {
-      const Eigen::Matrix3d v_N2 =
-          innovation_covariance_N2(covariance_N2, data_scale(), settings_.nugget_N2);
+      const Eigen::Matrix3d v_N2 = innovation_covariance_N2(covariance_N2, data_scale(), noise_N2);
       scale_earlier_contacts<3>(x_, x_.column[3], v_N2, error_N);
     }
     innovation.scale = scale_ / scale_before;
-    const Eigen::Matrix3d v_N2 =
-        innovation_covariance_N2(covariance_N2, data_scale(), settings_.nugget_N2);
+    const Eigen::Matrix3d v_N2 = innovation_covariance_N2(covariance_N2, data_scale(), noise_N2);
     innovation.normalised = error_N.dot(v_N2.inverse() * error_N) / 3.0;
     innovation.likelihood_nats = -1.5 * innovation.normalised - 0.5 * std::log(v_N2.determinant());
     innovation.surprised = innovation.normalised > settings_.surprise;

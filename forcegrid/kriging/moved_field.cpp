@@ -196,15 +196,15 @@ Innovation MovedField::take_open(const Observation& observation) noexcept {
     explain(observation, p, innovation);
     return innovation;
   }
-  const bool teaches_f = teaches(p);
-  if (!correct_shift(observation, p)) {
-    close();
-  } else {
+  const Lesson lesson = correct_shift(observation, p);
+  if (lesson.corrected) {
     close_if_at_rest();
+  } else {
+    close();
   }
-  if (teaches_f) {
+  if (lesson.teaches) {
     seeks_ = false;
-    innovation.doubt_N2 = Base::take(in_own_frame(observation)).doubt_N2;
+    innovation.doubt_N2 = Base::take(lesson.own).doubt_N2;
     seeks_ = true;
   }
   return innovation;
@@ -229,25 +229,25 @@ void MovedField::explain(const Observation& observation, const Prediction& p,
   anything_N2.diagonal().array() += kAnything_N * kAnything_N;
   const double anything_nats = log_likelihood(p.error_N, anything_N2);
   const double change = kWeaker * kWeaker * p.mean_N.dot(weaker_N2.inverse() * p.error_N);
-  bool teaches_f = true;
+  Lesson lesson;
   const bool weaker =
       weaker_nats > moved_nats && change < 0.0 && (1.0 + change) * strength_ > kLeastStrength;
   if (weaker) {
     strength_ *= 1.0 + change;
+    lesson.own = in_own_frame(observation);
   } else {
     const Covariance before = covariance_;
     covariance_ = wider;
-    teaches_f = teaches(p);
-    if (correct_shift(observation, p)) {
+    lesson = correct_shift(observation, p);
+    if (lesson.corrected) {
       open_ = true;
     } else {
       covariance_ = before;
-      teaches_f = true;
     }
   }
-  if (teaches_f) {
+  if (lesson.teaches) {
     seeks_ = false;
-    const Innovation taken = Base::take(in_own_frame(observation));
+    const Innovation taken = Base::take(lesson.own);
     seeks_ = true;
     innovation.doubt_N2 = taken.doubt_N2;
     innovation.explained = weaker && !taken.surprised &&
@@ -255,14 +255,14 @@ void MovedField::explain(const Observation& observation, const Prediction& p,
   }
 }
 
-// Whether f is less certain than the shift.
-bool MovedField::teaches(const Prediction& p) const noexcept {
-  return p.variance_N2.trace() >
-         (p.slope_N_per_m * covariance_.topLeftCorner<3, 3>() * p.slope_N_per_m.transpose())
-             .trace();
-}
-
-bool MovedField::correct_shift(const Observation& observation, const Prediction& p) noexcept {
+// Corrects the shift by a sample, unless it would be too far, and finds what is left of the sample
+// for f. Where f is less certain than the shift, that is all that the shift does not explain. Where
+// it is more certain, nothing, but for the simulator's stiffness: with that f learns what the
+// sample meant before the correction, with the shift's variance for noise.
+MovedField::Lesson MovedField::correct_shift(const Observation& observation,
+                                             const Prediction& p) noexcept {
+  Lesson lesson;
+  lesson.own = in_own_frame(observation);
   const bool put_off = collapse_due_;
   if (put_off) {
     Base::expect_reads(true);
@@ -287,8 +287,11 @@ bool MovedField::correct_shift(const Observation& observation, const Prediction&
     Base::expect_reads(false);
   }
   if (!(correction_m.norm() < kFurthest_m)) {
-    return false;
+    return lesson;
   }
+  lesson.corrected = true;
+  const double shift_N2 = (p.slope_N_per_m * before_m2 * p.slope_N_per_m.transpose()).trace() / 3.0;
+  const bool f_is_less_certain = p.variance_N2.trace() > 3.0 * shift_N2;
   const Eigen::Matrix<double, 6, 3> across = covariance_.leftCols<3>() * slope.transpose();
   shift_m_ += correction_m;
   velocity_m_per_s_ -= across.bottomRows<3>() * scaled_N;
@@ -297,7 +300,13 @@ bool MovedField::correct_shift(const Observation& observation, const Prediction&
   Covariance kept = Covariance::Identity();
   kept.leftCols<3>() -= gain * slope;
   covariance_ = kept * covariance_ * kept.transpose() + gain * p.variance_N2 * gain.transpose();
-  return true;
+  if (f_is_less_certain) {
+    lesson.own = in_own_frame(observation);
+  } else {
+    lesson.own.noise_N2 = shift_N2;
+    lesson.teaches = observation.has_stiffness;
+  }
+  return lesson;
 }
 
 void MovedField::close_if_at_rest() noexcept {

@@ -26,7 +26,8 @@ namespace forcegrid::kriging {
 /// third of a kernel length must explain them clearly worse: the force may still be small. From a
 /// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests,
 /// also from one contact to the next. As long as it is open, a sample teaches f only where f is
-/// less certain than d.
+/// less certain than d, or if it has the simulator's stiffness: then with the variance J P J^T of
+/// the force as noise, P the covariance of d.
 ///
 /// So f never forgets what a change has not made wrong. But some shift explains any surprise: use
 /// it only as a candidate that has to prove itself.
@@ -94,7 +95,12 @@ class MovedField final : public DictionaryField<float, 32, 4> {
     Eigen::Matrix3d variance_N2;
     Eigen::Matrix3d slope_N_per_m;
   };
-  enum class Cause { kUnknown, kWeaker, kMoved };
+  /// What is left of a sample for f to learn.
+  struct Lesson {
+    Observation own;  ///< in f's frame
+    bool teaches = true;
+    bool corrected = false;  ///< whether the shift was
+  };
 
   Observation in_own_frame(const Observation& observation) const noexcept;
   bool seeks_explanation(const Observation& observation, const Eigen::Vector3d& error_N,
@@ -105,8 +111,7 @@ class MovedField final : public DictionaryField<float, 32, 4> {
                Innovation& innovation) noexcept;
   Prediction predict(const Observation& own) noexcept;
   bool moves_on(const Observation& observation) noexcept;
-  bool correct_shift(const Observation& observation, const Prediction& prediction) noexcept;
-  bool teaches(const Prediction& prediction) const noexcept;
+  Lesson correct_shift(const Observation& observation, const Prediction& prediction) noexcept;
   void close_if_at_rest() noexcept;
   void close() noexcept;
   void find_nearest_pair() noexcept;

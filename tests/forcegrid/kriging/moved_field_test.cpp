@@ -254,6 +254,29 @@ TEST(MovedField, ComesToRestWithTheObject) {
   EXPECT_LT(largest_error_N(field, scene, 30), 0.02);
 }
 
+// A tool that pushes along one line at 10 Hz knows nothing of the object beside it. The simulator's
+// stiffness tells what comes there under the tool, however uncertain the shift.
+TEST(MovedField, LearnsByStiffnessWhatSlidesUnderTheTool) {
+  Scene scene;
+  MovedField field(settings(2));
+  constexpr double kSlow_s = 0.1;
+  const auto push_m = [](double time_s) {
+    return Vector3d(0.0, 0.0, 0.006 + 0.004 * std::sin(5.0 * time_s));
+  };
+  double slid_N2 = 0.0;
+  double rested_N2 = 0.0;
+  for (int i = 0; i < 120; ++i) {
+    const double time_s = kSlow_s * i;
+    scene.moved_m = std::clamp(time_s - 6.0, 0.0, 3.0) * Vector3d(2.7e-3, -1.7e-3, 0.0);
+    scene.with_stiffness = true;
+    const double error_N = field.take(scene.at(time_s, push_m(time_s))).error_N;
+    slid_N2 += i >= 63 && i < 90 ? error_N * error_N / 27.0 : 0.0;
+    rested_N2 += i >= 100 ? error_N * error_N / 20.0 : 0.0;
+  }
+  EXPECT_LT(std::sqrt(slid_N2), 0.02) << "of 2 N; it would be 33 mN without that";
+  EXPECT_LT(std::sqrt(rested_N2), 0.035) << "52 mN";
+}
+
 TEST(MovedField, TakesAStrongerForceForNoWeakerObject) {
   Scene scene;
   MovedField field(settings());
