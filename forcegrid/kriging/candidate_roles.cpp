@@ -48,6 +48,7 @@ ConstraintCandidate::ConstraintCandidate(const char* name, const FieldSettings& 
 bool ConstraintCandidate::on_taken(const Innovation& innovation, bool from_query) noexcept {
   if (!from_query) {
     surprises_.add(innovation.surprised);
+    claimed_for_ = innovation.explained ? thresholds().walls_awake : std::max(0, claimed_for_ - 1);
   }
   return innovation.explained && surprises_.rate() < thresholds().wall_calm;
 }
@@ -58,10 +59,12 @@ void ConstraintCandidate::on_evaluated(SquaredErrors errors_N2, std::size_t own)
   const double own_N2 = errors_N2[own];
   if (!field().knows_walls()) {
     proofs_ = 0;
+    proven_before_ = false;
   } else if (own_N2 > thresholds().wall_refuted * others_N2 + thresholds().wall_refuted_N2) {
     proofs_ = std::max(0, proofs_ - thresholds().wall_proofs);
   } else if (own_N2 < thresholds().wall_proof * others_N2) {
     proofs_ = std::min(proofs_ + 1, 2 * thresholds().wall_proofs);
+    proven_before_ = true;
   }
 }
 
@@ -69,7 +72,8 @@ double ConstraintCandidate::rate(const Peers& /*peers*/) const noexcept {
   if (field().knows_walls() && proofs_ >= thresholds().wall_proofs) {
     return thresholds().wall_proven_weight * score_N2;
   }
-  if (field().knows_walls() && surprises_.rate() < thresholds().wall_calm) {
+  const bool credible = claimed_for_ > 0 || proven_before_;
+  if (field().knows_walls() && credible && surprises_.rate() < thresholds().wall_calm) {
     return thresholds().wall_calm_weight * score_N2;
   }
   return weight() * score_N2;

@@ -27,7 +27,9 @@ class ConstraintCandidate final : public Candidate {
 
  private:
   SurpriseRate surprises_;
-  int proofs_ = 0;  ///< samples that only its constraint explains
+  int proofs_ = 0;              ///< samples that only its constraint explains
+  bool proven_before_ = false;  ///< by one of them, since it knows one
+  int claimed_for_ = 0;         ///< samples after a claim in which proofs may come
 };
 
 /// `memory`: all samples in a store (StoreField). Old knowledge is doubtful for half a second after

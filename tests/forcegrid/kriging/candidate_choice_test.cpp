@@ -361,6 +361,33 @@ TEST_F(CandidateChoiceTest, LosesTheProofOfAWallByASecondSampleThatItPredictsWor
   EXPECT_GT(counts(), thresholds_.wall_proven_weight);
 }
 
+// Some wall explains a surprise of any cause.
+TEST_F(CandidateChoiceTest, BelievesAWallForEightSamplesThatNoneHasProven) {
+  const std::size_t walls = index("walls");
+  Candidate& candidate = *candidates_.all[walls];
+  teach_a_wall(candidate);
+  candidate.score_N2 = 1.0;
+  const auto counts = [&] { return candidate.rate({}); };
+  Innovation found;
+  found.explained = found.surprised = true;
+  candidate.on_taken(found, false);
+  EXPECT_EQ(counts(), thresholds_.wall_calm_weight);
+  for (int sample = 1; sample < thresholds_.walls_awake; ++sample) {
+    candidate.on_taken({}, false);
+    candidate.on_taken({}, true);  // an answer to a query is no sample of the path
+  }
+  EXPECT_EQ(counts(), thresholds_.wall_calm_weight);
+  candidate.on_taken({}, false);
+  EXPECT_EQ(counts(), thresholds_.specialist_weight);
+  // One sample that only the wall explains; later ones that refute it do not make it unknown.
+  choice_.score(sample(1.0, walls, 0.01), 0);
+  candidate.score_N2 = 1.0;
+  EXPECT_EQ(counts(), thresholds_.wall_calm_weight);
+  choice_.score(sample(0.001, walls, 0.02), 0);
+  candidate.score_N2 = 1.0;
+  EXPECT_EQ(counts(), thresholds_.wall_calm_weight);
+}
+
 TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
   Candidate& walls = *candidates_.all[index("walls")];
   candidates_.all[0]->score_N2 = 1.0;
