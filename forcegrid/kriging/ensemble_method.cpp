@@ -424,8 +424,11 @@ void EnsembleMethod::wake(std::size_t index) noexcept {
   const std::uint64_t taken = queue_.taken();
   candidate.wake(std::max(taken - std::min(back, taken), std::min(candidate.next_sample(), taken)));
   level_at_[index] = taken;
+  // What is known of its first touches stands where it is woken for one.
+  const bool has_record = from_now_on && index == candidates_.places && candidate.first_touches > 0;
+  const double known_N2 = has_record ? candidate.score_N2 : 0.0;
   const double first = wake_rule_.first_score(index);
-  candidate.score_N2 = first * rendered_candidate().score_N2;
+  candidate.score_N2 = std::max(known_N2, first * rendered_candidate().score_N2);
   candidate.long_score_N2 = first * rendered_candidate().long_score_N2;
   candidate.likelihood_nats =
       candidates_.is_general(rendered_) ? rendered_candidate().likelihood_nats : 0.0;

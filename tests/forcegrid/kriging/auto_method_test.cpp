@@ -6,6 +6,7 @@
 #include <iostream>
 #include <string>
 
+#include "forcegrid/kriging/ensemble_method.h"
 #include "forcegrid/methods.h"
 #include "tests/forcegrid/kriging/kriging_contacts.h"
 
@@ -83,6 +84,45 @@ TEST(AutoMethod, DoesNotKnowAPlaceWhereTheObjectHasChanged) {
   method->contact_made(7, elsewhere_W);
   work(*method);
   EXPECT_EQ(method->force(10.0, elsewhere_W).reason, ChoiceReason::kKnownPlace) << "a slip";
+}
+
+// Contacts that tell nothing about their neighbours, so that `places` errs. It mostly sleeps. A
+// candidate that wakes begins on a par with the rendered one, but a record of first touches stands.
+TEST(AutoMethod, RemembersThatPlacesWasWrongThoughItSlept) {
+  EnsembleMethod method(EnsembleMethod::Kind::kAuto, {});
+  const auto names = method.candidates();
+  std::size_t index = 0;
+  while (names[index] != std::string("places")) {
+    ++index;
+  }
+  const kriging::Candidate& places = method.candidate(index);
+  int worse = 0;
+  for (std::uint32_t contact = 1; contact <= 14; ++contact) {
+    const double begin_s = 6.0 * contact;
+    const double stiffer = 1.0 + 0.3 * ((7 * contact) % 5);
+    const Vector3d point_W = kPlace_W + Vector3d(0.002 * (contact % 3), 0.0, 0.0);
+    const HandMotion hand(kSeed + contact);
+    const bool slept = !places.awake();
+    method.observe(begin_s, point_W);
+    method.contact_made(contact, point_W);
+    if (slept && places.awake() && method.rendered() != index) {
+      EXPECT_GE(places.score_N2, places.first_touch_score_N2) << contact;
+      const double rendered_N2 = method.candidate(method.rendered()).score_N2;
+      worse += places.first_touch_score_N2 > 4.0 * rendered_N2 ? 1 : 0;
+    }
+    for (int i = 1; i <= 500; ++i) {
+      const double time_s = begin_s + 0.01 * i;
+      Sample sample = sample_at(time_s, point_W, hand.position_m(0.01 * i));
+      sample.force_W *= stiffer;
+      method.observe(time_s, sample.position_W);
+      if (i % 3 == 0) {
+        method.take_sample(sample);
+      }
+      work(method);
+    }
+    method.contact_lost();
+  }
+  EXPECT_GT(worse, 0) << "it would have begun with twice the rendered one's score";
 }
 
 // What `places` knows of the place where the tool is now is not there when the contact begins.
