@@ -49,9 +49,9 @@ using PathTerms = Eigen::Matrix<double, 3, kPathTerms>;
 struct Observation {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
-  double noise_N2 = 0.0;  ///< variance of the force per axis, besides the field's own noise
   History history = History::Zero();
   bool has_stiffness = false;
+  float noise_N2 = 0.0F;  ///< variance of the force per axis, besides the field's own noise
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
   double time_s = 0.0;  ///< of the servo's clock

@@ -303,7 +303,7 @@ MovedField::Lesson MovedField::correct_shift(const Observation& observation,
   if (f_is_less_certain) {
     lesson.own = in_own_frame(observation);
   } else {
-    lesson.own.noise_N2 = shift_N2;
+    lesson.own.noise_N2 = static_cast<float>(shift_N2);
     lesson.teaches = observation.has_stiffness;
   }
   return lesson;
