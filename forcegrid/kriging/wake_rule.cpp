@@ -260,10 +260,7 @@ void WakeRule::handed_over(std::size_t rendered) noexcept {
   rendered_ = rendered;
   chosen_ = true;
   ask_places_.won = ask_places_.won || rendered == candidates_.places;
-  if (rendered == candidates_.memory) {
-    ask_memory_.won = true;
-    asked_until_ = 0;  // it may know the next place as well
-  }
+  ask_memory_.won = ask_memory_.won || rendered == candidates_.memory;
   awake_for_ = all_awake_ ? awake_for_ : 0;
   misfit_.restart();
   if (enabled_ && !all_awake_ && rendered == candidates_.newest) {

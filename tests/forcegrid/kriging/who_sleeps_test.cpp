@@ -448,24 +448,6 @@ TEST(Auditions, OfMemoryMayBeginWithAContactAboutWhichPlacesIsNotAsked) {
   }
 }
 
-TEST(Auditions, OfMemoryAreAllowedAgainAtOnceWhereItWasRendered) {
-  for (const bool won : {false, true}) {
-    Sleepers s;
-    s.all_fall_asleep();
-    s.queued("exact", kLongInContact_s, {});
-    ASSERT_TRUE(s.rule.rendered_deviates(kUnsure_N));
-    if (won) {
-      s.rule.handed_over(s.index("memory"));
-      s.rule.handed_over(s.index("exact"));
-    }
-    for (int sample = 0; sample < 12; ++sample) {
-      s.queued("exact", kLongInContact_s, {});
-    }
-    ASSERT_FALSE(s.awake("memory"));
-    EXPECT_EQ(s.rule.rendered_deviates(kUnsure_N), won);
-  }
-}
-
 TEST(Auditions, OfMemoryAreNotForAnObjectThatHasSurprisedInTheLast200Samples) {
   Sleepers s;
   s.all_fall_asleep();
