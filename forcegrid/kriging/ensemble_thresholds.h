@@ -35,7 +35,7 @@ struct EnsembleThresholds {
   double hopeless_share = 0.5;   ///< ... in most samples, see WakeRule. [wake]
   int lately = 200;              ///< samples in which a rendered candidate is not forgotten. [wake]
   int unfinished_samples = 32;   ///< `unfinished` stays awake after such a sample. [choice]
-  int walls_awake = 8;           ///< samples after a surprise; or that it is believed. [choice]
+  int walls_awake = 8;           ///< samples after a surprise, or unproven. [choice]
   double wall_plain_N = 0.1;     ///< [N] an error that no noise explains. [wake]
   /// It takes over at once where the rendered candidate's squared error is above this multiple of
   /// its score. [wake]

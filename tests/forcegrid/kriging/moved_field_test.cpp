@@ -258,6 +258,7 @@ TEST(MovedField, ComesToRestWithTheObject) {
 // stiffness tells what comes there under the tool, however uncertain the shift.
 TEST(MovedField, LearnsByStiffnessWhatSlidesUnderTheTool) {
   Scene scene;
+  scene.with_stiffness = true;
   MovedField field(settings(2));
   constexpr double kSlow_s = 0.1;
   const auto push_m = [](double time_s) {
@@ -268,7 +269,6 @@ TEST(MovedField, LearnsByStiffnessWhatSlidesUnderTheTool) {
   for (int i = 0; i < 120; ++i) {
     const double time_s = kSlow_s * i;
     scene.moved_m = std::clamp(time_s - 6.0, 0.0, 3.0) * Vector3d(2.7e-3, -1.7e-3, 0.0);
-    scene.with_stiffness = true;
     const double error_N = field.take(scene.at(time_s, push_m(time_s))).error_N;
     slid_N2 += i >= 63 && i < 90 ? error_N * error_N / 27.0 : 0.0;
     rested_N2 += i >= 100 ? error_N * error_N / 20.0 : 0.0;
