@@ -115,6 +115,12 @@ class LiveView(BrowserCase):
         except AssertionError as error:
             raise AssertionError(f"{error}\n{self.view('measured')}") from None
 
+    def change_object(self, run, name, value):
+        """Changes a setting that makes the simulator's object another one, and waits until it is."""
+        epoch = self.view("contact")["epoch"]
+        self.set(run, name, value)
+        wait_until(lambda: self.view("contact")["epoch"] > epoch, f"another epoch by {name}", run.lines)
+
     def most_N(self, axis, seconds):
         """The largest force along an axis of W within some seconds."""
         end, most = time.monotonic() + seconds, 0.0
@@ -249,14 +255,11 @@ class LiveView(BrowserCase):
                 self.set(run, "budget_us", None)
                 self.wait_measured(run, "no budget", lambda m: m["budget_reads"] > 1e30)
             with self.subTest("a wall and a cut"):
-                epoch, free_N = self.view("contact")["epoch"], self.most_N(2, 3)
-                self.set(run, "wall_mm", 4)
-                wait_until(lambda: self.view("contact")["epoch"] > epoch, "another epoch", run.lines)
+                free_N = self.most_N(2, 3)
+                self.change_object(run, "wall_mm", 4)
                 self.assertGreater(self.most_N(2, 3), free_N + 0.5, "nothing is in the way")
-                self.set(run, "wall_mm", None)
-                epoch = self.view("contact")["epoch"]
-                self.set(run, "cut", "yes")
-                wait_until(lambda: self.view("contact")["epoch"] > epoch, "another epoch", run.lines)
+                self.change_object(run, "wall_mm", None)  # or its epoch would pass for the cut's
+                self.change_object(run, "cut", "yes")
                 time.sleep(0.5)
                 self.assertLess(self.most_N(2, 3), 0.9 * free_N, "the object is as stiff as before")
             with self.subTest("answers to the requests that a method makes when it knows little"):
