@@ -257,11 +257,12 @@ class LiveView(BrowserCase):
             with self.subTest("a wall and a cut"):
                 free_N = self.most_N(2, 3)
                 self.change_object(run, "wall_mm", 4)
-                self.assertGreater(self.most_N(2, 3), free_N + 0.5, "nothing is in the way")
+                # Any 3 s have the same largest force within 2 %: 2.8 N, 5.0 N with the wall, 1.6 N
+                # with the cut. A slow machine may take some of them to learn of a change.
+                wait_until(lambda: self.most_N(2, 3) > free_N + 0.5, "something in the way", run.lines)
                 self.change_object(run, "wall_mm", None)  # or its epoch would pass for the cut's
                 self.change_object(run, "cut", "yes")
-                time.sleep(0.5)
-                self.assertLess(self.most_N(2, 3), 0.9 * free_N, "the object is as stiff as before")
+                wait_until(lambda: self.most_N(2, 3) < 0.9 * free_N, "a softer object", run.lines)
             with self.subTest("answers to the requests that a method makes when it knows little"):
                 wait_until(lambda: self.view("contact")["requested"] > 0, "answers", run.lines)
                 self.set(run, "requests_per_s", 0)
