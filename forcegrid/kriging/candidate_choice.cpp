@@ -62,7 +62,7 @@ Peers CandidateChoice::peers() const noexcept {
 std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
   if (rendered != candidates_.newest && candidates_.all[rendered]->score_N2 < good_enough_N2) {
-    return rendered;
+    return as_good(rendered);
   }
   const Peers peers = this->peers();
   // Where a tool rests it is right, whoever knows the object; but it would not push back.
@@ -80,6 +80,21 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
     }
   }
   return best;
+}
+
+// Where errors are as good as none, that which assumes the least noise will learn most from samples
+// to come.
+std::size_t CandidateChoice::as_good(std::size_t rendered) const noexcept {
+  const double most_N2 =
+      candidates_.all[rendered]->score_N2 + thresholds_.as_good_N * thresholds_.as_good_N;
+  for (std::size_t i = 0; i < rendered && candidates_.is_general(rendered); ++i) {
+    const Candidate& candidate = *candidates_.all[i];
+    if (candidates_.is_general(i) && candidate.awake() && candidate.scored_by_own &&
+        candidate.score_N2 <= most_N2) {
+      return i;
+    }
+  }
+  return rendered;
 }
 
 // One sample that no noise explains must not decide for long.

@@ -105,6 +105,7 @@ class CandidateChoice {
   void remember_refuted_walls() noexcept;
   double least_score_N2() const noexcept;
   void weigh(const EvaluatedSample& sample) noexcept;
+  std::size_t as_good(std::size_t rendered) const noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
 
   Candidates& candidates_;

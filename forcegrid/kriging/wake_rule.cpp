@@ -24,8 +24,8 @@ void WakeRule::sample_queued(std::uint64_t number, const QueuedSample& sample,
   contact_begins_ =
       sample.before_contact || (places_asked_ && since_contact_s < thresholds_.places_learn_s);
   places_learn_ = !sample.before_contact && since_contact_s < 2.0 * thresholds_.places_learn_s;
-  unfinished_for_ =
-      sample.unfinished ? thresholds_.unfinished_samples : std::max(0, unfinished_for_ - 1);
+  unfinished_for_ = sample.unfinished ? thresholds_.unfinished_samples
+                                                  : std::max(0, unfinished_for_ - 1);
   if (enabled_ && !all_awake_ && !sample.observation.from_query) {
     audition();
   }
@@ -41,14 +41,24 @@ void WakeRule::audition() noexcept {
     next_audition_ = std::min(2 * next_audition_, thresholds_.longest_audition_pause);
     return;
   }
-  const bool of_runner_up =
-      !audition_at_contact_ && runner_up_ != rendered_ && runner_up_ != Candidates::kNone;
-  auditioned_ = of_runner_up                      ? runner_up_
-                : rendered_ == candidates_.memory ? candidates_.alone
-                                                  : candidates_.memory;
+  auditioned_ = whom_to_audition();
   until_audition_ =
       audition_at_contact_ ? thresholds_.contact_audition_samples : thresholds_.audition_samples;
   audition_at_contact_ = false;
+}
+
+std::size_t WakeRule::whom_to_audition() const noexcept {
+  const Candidate& rendered = *candidates_.all[rendered_];
+  const bool less_noise_may_do = rendered_ != candidates_.alone &&
+                                 candidates_.is_general(rendered_) &&
+                                 rendered.long_score_N2 < rendered.field().settings().nugget_N2;
+  if (less_noise_may_do && !audition_at_contact_) {
+    return candidates_.alone;
+  }
+  if (!audition_at_contact_ && runner_up_ != rendered_ && runner_up_ != Candidates::kNone) {
+    return runner_up_;
+  }
+  return rendered_ == candidates_.memory ? candidates_.alone : candidates_.memory;
 }
 
 // The tool may be back at a place that `memory` has kept, unless there was an event lately. Where a
@@ -245,7 +255,7 @@ std::size_t WakeRule::staying() const noexcept {
 
 void WakeRule::all_sleep(const CandidateChoice& choice) noexcept {
   stays_ = staying();
-  runner_up_ = choice.runner_up(rendered_);
+  runner_up_ = choice.runner_up(stays_);
   chosen_ = true;
   all_awake_ = false;
   hopeless_.fill(false);

@@ -39,7 +39,8 @@ namespace forcegrid::kriging {
 /// - `places` before a contact about which requests can be made, and at its beginning: after a win
 ///   at every contact, and if it wins nothing two and then four contacts apart;
 /// - one candidate at a time for an audition: what innovations do not show is that another one
-///   knows more. It is the last runner-up, else `memory`, and `memory` where a contact begins.
+///   knows more. It is the one that expects the least noise where the rendered one errs by less
+///   than it expects, else the last runner-up, else `memory`, and `memory` where a contact begins.
 ///   Auditions that nobody wins become seldom. `memory` has one, too, where the rendered candidate
 ///   is unsure.
 ///
@@ -102,6 +103,7 @@ class WakeRule {
   };
 
   void audition() noexcept;
+  std::size_t whom_to_audition() const noexcept;
   void wake_all() noexcept;
   std::size_t staying() const noexcept;
   void all_sleep(const CandidateChoice& choice) noexcept;

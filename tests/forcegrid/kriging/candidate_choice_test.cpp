@@ -83,6 +83,22 @@ TEST_F(CandidateChoiceTest, KeepsTheRenderedOneWhoseErrorsNobodyFeels) {
   EXPECT_EQ(best(1.01e-3), smooth);
 }
 
+// "exact" is the first of those that know the position alone, and assumes the least noise.
+TEST_F(CandidateChoiceTest, TakesLessNoiseWhereErrorsAreNotFelt) {
+  const std::size_t smooth = index("smooth");
+  const auto best = [&](double exact_N) {
+    for (int i = 0; i < 200; ++i) {
+      choice_.score(sample(exact_N * exact_N, smooth, 0.25e-6), smooth);
+    }
+    return choice_.best(smooth);
+  };
+  EXPECT_EQ(best(0.87e-3), smooth) << "more than 0.7 mN worse";
+  EXPECT_EQ(best(0.85e-3), 0u);
+  candidates_.all[0]->sleep();
+  EXPECT_EQ(choice_.best(smooth), smooth);
+  EXPECT_EQ(choice_.best(index("walls")), index("walls")) << "it knows more than the position";
+}
+
 TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
   choice_.score(sample(1.0, 1, 0.0), 0);
   EXPECT_NEAR(candidates_.all[0]->score_N2, 1.0 - thresholds_.score_kept, 1e-12);

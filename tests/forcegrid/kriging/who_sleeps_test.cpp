@@ -389,6 +389,41 @@ TEST(Auditions, OfTheRunnerUpTakeTwelveSamplesWithPausesThatDoubleUpTo192) {
   EXPECT_THAT(begun, ElementsAre(24, 60, 120, 228, 432, 636));
 }
 
+// "smooth" expects (3.2 mN)^2 of noise. Errors below show that less noise may do.
+TEST(Auditions, AreForTheLeastNoiseWhereTheRenderedOneErrsByLessThanItExpects) {
+  const auto audition_of = [](double error_N) {
+    Sleepers s;
+    s.candidates.all[s.index("exact")]->score_N2 = 1.0;  // so the runner-up is another
+    s.samples(30, "smooth", {{"smooth", 0.5}});          // nobody else is nearly as good
+    EXPECT_FALSE(s.rule.all_awake());
+    s.candidates.all[s.index("smooth")]->long_score_N2 = error_N * error_N;
+    for (int sample = 1; sample <= 24; ++sample) {
+      EXPECT_FALSE(s.awake("exact"));
+      s.queued("smooth", kLongInContact_s, {});
+    }
+    return s.awake("exact");
+  };
+  EXPECT_TRUE(audition_of(3.1e-3));
+  EXPECT_FALSE(audition_of(3.2e-3));
+}
+
+TEST(Auditions, AreForTheOneThatWasRenderedIfAnotherStays) {
+  Sleepers s;
+  for (const auto& candidate : s.candidates.all) {
+    candidate->score_N2 = 2.0;
+  }
+  s.candidates.all[s.index("exact")]->score_N2 = 1.0;
+  s.candidates.all[s.index("noisy")]->score_N2 = 0.9;
+  s.samples(30, "noisy", {});
+  ASSERT_EQ(s.rule.stays(), s.index("exact"));
+  s.rule.handed_over(s.index("exact"));
+  for (int sample = 1; sample <= 24; ++sample) {
+    s.queued("exact", kLongInContact_s, {});
+  }
+  EXPECT_FALSE(s.awake("memory"));
+  EXPECT_TRUE(s.awake("noisy"));
+}
+
 TEST(Auditions, AreNotForAFieldOfAnObjectThatHasNeverMoved) {
   Sleepers s;
   for (const auto& candidate : s.candidates.all) {
