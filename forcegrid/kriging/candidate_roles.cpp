@@ -113,7 +113,7 @@ UnfinishedCandidate::UnfinishedCandidate(const char* name, const FieldSettings& 
 Candidate::Accept UnfinishedCandidate::accept(const QueuedSample& sample,
                                               const PathAtSample& /*path*/,
                                               Observation& /*observation*/) const noexcept {
-  return !sample.before_contact && sample.unfinished ? Accept::kTake : Accept::kNoUse;
+  return !sample.before_contact && sample.observation.unfinished ? Accept::kTake : Accept::kNoUse;
 }
 
 double PathCandidate::rate(const Peers& peers) const noexcept {

@@ -128,11 +128,12 @@ void ConstraintSearch::begin(const Observation& o, const Vector3d& error_N) noex
   pieces_ = 0;
 }
 
-// What the next piece may cost.
+// What the next piece may cost. An answer that has not converged lags, which is seldom a wall.
 int ConstraintSearch::piece() const noexcept {
   constexpr int kSwift[] = {kSwiftestPiece, kSwiftestPiece, kSwiftestPiece, kSwiftPiece};
   const auto later = static_cast<std::size_t>(pieces_ + 2 * in_vain_);
-  return later < std::size(kSwift) ? kSwift[later] : kPiece;
+  const int swift = observation_.unfinished ? kUnfinishedPiece : kSwiftestPiece;
+  return later < std::size(kSwift) ? std::min(swift, kSwift[later]) : kPiece;
 }
 
 bool ConstraintSearch::step(ConstraintFit& fit) noexcept {

@@ -21,8 +21,8 @@ namespace forcegrid::kriging {
 /// replace one. A force that falls short along its own direction means an object that gives way (a
 /// cut, relaxation) and is not explained.
 /// Cost: a piece is about a Newton step of a constraint, the first ones up to four of them (a
-/// wall cannot wait); a search that finds the first wall among 32 samples has 3 or 4, one in vain
-/// up to some 120. Real-time: nothing allocates, locks or throws. Threads: one.
+/// wall cannot wait), or two where the simulator has not converged; a search that finds the first
+/// wall among 32 samples has 3 or 4, one in vain up to some 100. Real-time: nothing allocates, locks or throws. Threads: one.
 class ConstraintSearch {
  public:
   /// Begins with a surprising sample, whose rows must be the fit's last ones, and the fit's present
@@ -55,9 +55,10 @@ class ConstraintSearch {
   };
   // What a piece costs, as cost() of triangular solves with three right-hand sides. A wall cannot
   // wait: a search has some larger pieces, fewer where most were in vain.
-  static constexpr int kPiece = 100'000;
+  static constexpr int kPiece = 200'000;
   static constexpr int kSwiftPiece = 600'000;
   static constexpr int kSwiftestPiece = 750'000;
+  static constexpr int kUnfinishedPiece = 300'000;
   static constexpr int kMostInVain = 6;
   /// Of one solve, and what belongs to it.
   static int cost(int rows) noexcept { return rows * (rows + 200); }

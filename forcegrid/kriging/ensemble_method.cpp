@@ -477,7 +477,7 @@ int EnsembleMethod::remember() noexcept {
       Candidate& candidate = *candidates_.all[i];
       const kriging::QueuedSample& sample = queue_.at(candidate.next_sample());
       candidate.advance();
-      const bool lags = i == candidates_.moved && sample.unfinished;
+      const bool lags = i == candidates_.moved && sample.observation.unfinished;
       if (!sample.before_contact && !lags) {
         candidate.field().remember(sample.observation);
         candidate.on_remembered();

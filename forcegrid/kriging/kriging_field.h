@@ -54,7 +54,8 @@ struct Observation {
   float noise_N2 = 0.0F;  ///< variance of the force per axis, besides the field's own noise
   Vector6d stiffness_N_per_m = Vector6d::Zero();  ///< in the order of kStiffnessRow
   bool from_query = false;
-  double time_s = 0.0;  ///< of the servo's clock
+  bool unfinished = false;  ///< the simulator had not converged
+  double time_s = 0.0;      ///< of the servo's clock
   /// How much the force has risen since the simulator's previous answer, if that was of this
   /// contact.
   bool has_rise = false;

@@ -27,13 +27,13 @@ void SampleQueue::push(const Sample& sample, const ContactState& contact,
   QueuedSample& entry = queue_[taken_++ % kLength];
   entry = QueuedSample{};
   entry.before_contact = of_expected(sample);
-  entry.unfinished = !sample.converged || sample.relative_residual > kUnfinished;
   Observation& o = entry.observation;
   o.origin_W = entry.before_contact ? sample.contact_point_W : contact.origin_W();
   o.position_m = sample.position_W - o.origin_W;
   o.force_N = sample.force_W;
   o.time_s = sample.time_s;
   o.from_query = sample.from_query;
+  o.unfinished = !sample.converged || sample.relative_residual > kUnfinished;
   o.contact = contact.number();
   o.has_stiffness = sample.has_stiffness && sample.stiffness_W.allFinite();
   if (o.has_stiffness) {

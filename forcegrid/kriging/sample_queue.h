@@ -17,7 +17,6 @@ namespace forcegrid::kriging {
 struct QueuedSample {
   Observation observation;      ///< without history and path terms, which are a candidate's own
   bool before_contact = false;  ///< an answer that was asked for before the contact
-  bool unfinished = false;      ///< the simulator had not converged
 };
 
 /// Turns the simulator's samples into observations relative to the contact and keeps the newest

@@ -24,7 +24,7 @@ void WakeRule::sample_queued(std::uint64_t number, const QueuedSample& sample,
   contact_begins_ =
       sample.before_contact || (places_asked_ && since_contact_s < thresholds_.places_learn_s);
   places_learn_ = !sample.before_contact && since_contact_s < 2.0 * thresholds_.places_learn_s;
-  unfinished_for_ = sample.unfinished ? thresholds_.unfinished_samples
+  unfinished_for_ = sample.observation.unfinished ? thresholds_.unfinished_samples
                                                   : std::max(0, unfinished_for_ - 1);
   if (enabled_ && !all_awake_ && !sample.observation.from_query) {
     audition();

@@ -83,12 +83,12 @@ TEST_F(SampleQueueTest, SaysHowTheForceHasRisenSinceTheSampleBefore) {
 }
 
 TEST_F(SampleQueueTest, KnowsASimulatorThatHasNotConverged) {
-  EXPECT_FALSE(push().unfinished);
+  EXPECT_FALSE(push().observation.unfinished);
   sample_.relative_residual = 0.02;
-  EXPECT_TRUE(push().unfinished);
+  EXPECT_TRUE(push().observation.unfinished);
   sample_.relative_residual = 0.0;
   sample_.converged = false;
-  EXPECT_TRUE(push().unfinished);
+  EXPECT_TRUE(push().observation.unfinished);
 }
 
 TEST_F(SampleQueueTest, MakesAStiffnessSymmetricAndLeavesOutOneThatIsNotFinite) {

@@ -534,6 +534,34 @@ TEST(UnilateralConstraintField, SeeksInBoundedPiecesAndAnswersAsBefore) {
   EXPECT_EQ(field.constraint_count(), 1);
 }
 
+// Answers that lag are many and surprise as a wall does; the servo must bear their searches, too.
+TEST(UnilateralConstraintField, SeeksInSmallerPiecesWhereTheSimulatorHasNotConverged) {
+  const AnchoredSprings object(kSeed);
+  const HandMotion motion(kSeed);
+  const auto pieces_of_first_search = [&](bool unfinished) {
+    UnilateralConstraintField<double> field{FieldSettings{}};
+    for (int i = 0; i < 300; ++i) {
+      const Vector3d p = motion.position_m(i * kPeriod_s);
+      const Vector3d wall_N = plane_N(p, Vector3d::UnitZ(), {0, 0, 0.005}, 1000.0);
+      Observation o = observe(p, object.force_N(p) + wall_N);
+      o.unfinished = unfinished;
+      if (field.take(o).unfinished) {
+        int pieces = 1;
+        while (field.prepare()) {
+          ++pieces;
+        }
+        return std::pair(pieces, field.constraint_count());
+      }
+    }
+    return std::pair(0, 0);
+  };
+  const auto [swift, found] = pieces_of_first_search(false);
+  const auto [small, found_late] = pieces_of_first_search(true);
+  EXPECT_GT(swift, 0);
+  EXPECT_GT(small, swift);
+  EXPECT_EQ(found_late, found);
+}
+
 // A sample is fitted at once; the shapes of the walls are refined in pieces, which need not wait
 // for one another, and nobody sees them half refined.
 TEST(UnilateralConstraintField, RefinesItsWallsInPieces) {
