@@ -60,9 +60,8 @@ Peers CandidateChoice::peers() const noexcept {
 }
 
 std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
-  const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
-  if (rendered != candidates_.newest && candidates_.all[rendered]->score_N2 < good_enough_N2) {
-    return as_good(rendered);
+  if (is_good_enough(rendered)) {
+    return rendered;
   }
   const Peers peers = this->peers();
   // Where a tool rests it is right, whoever knows the object; but it would not push back.
@@ -82,12 +81,19 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   return best;
 }
 
+// `newest` is not: where a tool rests it does not push back, however little it errs.
+bool CandidateChoice::is_good_enough(std::size_t index) const noexcept {
+  return index != candidates_.newest &&
+         candidates_.all[index]->score_N2 < thresholds_.good_enough_N * thresholds_.good_enough_N;
+}
+
 // Where errors are as good as none, that which assumes the least noise will learn most from samples
 // to come.
 std::size_t CandidateChoice::as_good(std::size_t rendered) const noexcept {
   const double most_N2 =
       candidates_.all[rendered]->score_N2 + thresholds_.as_good_N * thresholds_.as_good_N;
-  for (std::size_t i = 0; i < rendered && candidates_.is_general(rendered); ++i) {
+  const bool is_asked = candidates_.is_general(rendered) && is_good_enough(rendered);
+  for (std::size_t i = 0; i < rendered && is_asked; ++i) {
     const Candidate& candidate = *candidates_.all[i];
     if (candidates_.is_general(i) && candidate.awake() && candidate.scored_by_own &&
         candidate.score_N2 <= most_N2) {
@@ -117,7 +123,8 @@ void CandidateChoice::weigh(const EvaluatedSample& sample) noexcept {
 }
 
 std::size_t CandidateChoice::likely_best(std::size_t rendered) const noexcept {
-  const std::size_t best = this->best(rendered);
+  const std::size_t better = this->best(rendered);
+  const std::size_t best = better == rendered ? as_good(rendered) : better;
   if (!candidates_.is_general(best)) {
     return best;
   }

@@ -76,7 +76,8 @@ class CandidateChoice {
   /// The rendered candidate unless another is clearly better.
   std::size_t best(std::size_t rendered) const noexcept;
   /// The same, but of those that know the position alone and err nearly as little, the one whose
-  /// predictions made the samples most likely.
+  /// predictions made the samples most likely; where errors are as good as none, the one that
+  /// expects the least noise.
   std::size_t likely_best(std::size_t rendered) const noexcept;
   /// Of the candidates that know the position alone and are awake, the one that made the samples
   /// most likely, if clearly more so than `than`, or that sleeps; else `than`.
@@ -105,6 +106,7 @@ class CandidateChoice {
   void remember_refuted_walls() noexcept;
   double least_score_N2() const noexcept;
   void weigh(const EvaluatedSample& sample) noexcept;
+  bool is_good_enough(std::size_t index) const noexcept;
   std::size_t as_good(std::size_t rendered) const noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
 
