@@ -22,7 +22,8 @@ namespace forcegrid::kriging {
 /// cut, relaxation) and is not explained.
 /// Cost: a piece is about a Newton step of a constraint, the first ones up to four of them (a
 /// wall cannot wait), or two where the simulator has not converged; a search that finds the first
-/// wall among 32 samples has 3 or 4, one in vain up to some 100. Real-time: nothing allocates, locks or throws. Threads: one.
+/// wall among 32 samples has 3 or 4, one in vain up to some 100. Real-time: nothing allocates,
+/// locks or throws. Threads: one.
 class ConstraintSearch {
  public:
   /// Begins with a surprising sample, whose rows must be the fit's last ones, and the fit's present
