@@ -89,11 +89,13 @@ bool CandidateChoice::is_good_enough(std::size_t index) const noexcept {
 
 // Where errors are as good as none, that which assumes the least noise will learn most from samples
 // to come.
-std::size_t CandidateChoice::as_good(std::size_t rendered) const noexcept {
+std::size_t CandidateChoice::with_less_noise(std::size_t rendered) const noexcept {
+  if (!candidates_.is_general(rendered) || !is_good_enough(rendered)) {
+    return rendered;
+  }
   const double most_N2 =
       candidates_.all[rendered]->score_N2 + thresholds_.as_good_N * thresholds_.as_good_N;
-  const bool is_asked = candidates_.is_general(rendered) && is_good_enough(rendered);
-  for (std::size_t i = 0; i < rendered && is_asked; ++i) {
+  for (std::size_t i = 0; i < rendered; ++i) {
     const Candidate& candidate = *candidates_.all[i];
     if (candidates_.is_general(i) && candidate.awake() && candidate.scored_by_own &&
         candidate.score_N2 <= most_N2) {
@@ -124,7 +126,7 @@ void CandidateChoice::weigh(const EvaluatedSample& sample) noexcept {
 
 std::size_t CandidateChoice::likely_best(std::size_t rendered) const noexcept {
   const std::size_t better = this->best(rendered);
-  const std::size_t best = better == rendered ? as_good(rendered) : better;
+  const std::size_t best = better == rendered ? with_less_noise(rendered) : better;
   if (!candidates_.is_general(best)) {
     return best;
   }

@@ -107,7 +107,7 @@ class CandidateChoice {
   double least_score_N2() const noexcept;
   void weigh(const EvaluatedSample& sample) noexcept;
   bool is_good_enough(std::size_t index) const noexcept;
-  std::size_t as_good(std::size_t rendered) const noexcept;
+  std::size_t with_less_noise(std::size_t rendered) const noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
 
   Candidates& candidates_;
