@@ -285,13 +285,6 @@ void add_kinematics(Command& app, KinematicsOptions& o, std::function<int()>& ac
   });
 }
 
-// What follows "stopped by SIGINT" in the words of an exception: "stopped while it ran" gives
-// " while it ran", "no path" gives "; no path".
-std::string after_stopped(const std::string& what) {
-  const std::string stopped = "stopped";
-  return what.starts_with(stopped) ? what.substr(stopped.size()) : "; " + what;
-}
-
 // Runs the command. After a signal the exit status tells of it, whatever the command had finished
 // by then.
 // @param judges_its_end  the command's own status already does, and may tell of a fault instead.

@@ -10,6 +10,7 @@
 #include "cli/common/options.h"
 #include "cli/common/progress_line.h"
 #include "cli/common/stop_request.h"
+#include "cli/common/stop_watchdog.h"
 #include "cli/run/run_checks.h"
 #include "evaluation/charts/shard.h"
 #include "evaluation/objects/force_table.h"
@@ -92,11 +93,12 @@ std::filesystem::path cache_folder(const std::string& asked);
 /// @throws std::runtime_error if the executable can't be read.
 std::string program_hash();
 
-/// Runs `work`, which keeps what it has finished.
+/// Runs `work`, which keeps what it has finished; a stop says so, whoever carries it out.
 /// @throws what it throws; evaluation::Stopped, which says how to go on, instead of
 /// rt::Interrupted.
 template <typename Work>
 auto resumable(const Work& work) {
+  const StoppedText text(evaluation::Stopped().what());
   try {
     return work();
   } catch (const rt::Interrupted&) {

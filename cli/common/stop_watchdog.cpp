@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <mutex>
 
 #include "cli/common/stop_request.h"
 #include "log/log.h"
@@ -21,6 +22,14 @@ constexpr std::chrono::milliseconds kGraceOfChild{300};
 constexpr std::chrono::milliseconds kLookAtSignal{10};
 
 std::atomic<int> own_ends{0};
+
+std::mutex text_mutex;
+std::string stopped_text;
+
+void set_stopped_text(const std::string& what) {
+  const std::lock_guard lock(text_mutex);
+  stopped_text = what;
+}
 
 }  // namespace
 
@@ -58,13 +67,22 @@ void StopWatchdog::watch() noexcept {
   }
   text::remove_unfinished_files();
   if (!silent_) {
-    say_stopped("");
+    const std::lock_guard lock(text_mutex);
+    say_stopped(stopped_text);
   }
   _exit(status_after(StopRequest::signal()));
 }
 
 OwnEnd::OwnEnd() noexcept { ++own_ends; }
 OwnEnd::~OwnEnd() { --own_ends; }
+
+StoppedText::StoppedText(const std::string& what) { set_stopped_text(after_stopped(what)); }
+StoppedText::~StoppedText() { set_stopped_text(""); }
+
+std::string after_stopped(const std::string& what) {
+  const std::string stopped = "stopped";
+  return what.starts_with(stopped) ? what.substr(stopped.size()) : "; " + what;
+}
 
 void say_stopped(const std::string& more) {
   log::last_words("command", "stopped by " + StopRequest::signal_name() + more);

@@ -40,6 +40,21 @@ class OwnEnd {
   OwnEnd& operator=(const OwnEnd&) = delete;
 };
 
+/// While one lives, StopWatchdog's line ends with the text that the command would have ended it
+/// with by itself, if the machine had given it the time.
+class StoppedText {
+ public:
+  /// @param what  of the exception that ends the command, see after_stopped().
+  explicit StoppedText(const std::string& what);
+  ~StoppedText();
+  StoppedText(const StoppedText&) = delete;
+  StoppedText& operator=(const StoppedText&) = delete;
+};
+
+/// Returns what follows "stopped by SIGINT" in the words of an exception: " while it ran" of
+/// "stopped while it ran", "; no path" of "no path".
+std::string after_stopped(const std::string& what);
+
 /// Writes "forcegrid: stopped by SIGINT", or what the signal was, and `more` behind it to standard
 /// error.
 void say_stopped(const std::string& more);

@@ -45,7 +45,22 @@ TEST_F(StopWatchdogDeathTest, LeavesACommandOfItsOwnEndTheTimeToLeaveWithItsStat
 
 TEST_F(StopWatchdogDeathTest, EndsAnyOtherThatDoesNotEnd) {
   EXPECT_EXIT(interrupted_command(60s, false), ::testing::ExitedWithCode(128 + SIGINT),
-              "stopped by SIGINT");
+              "stopped by SIGINT\n");
+}
+
+TEST_F(StopWatchdogDeathTest, SaysTheTextOfACommandThatHadNoTimeToSayIt) {
+  EXPECT_EXIT(
+      {
+        const StoppedText text("stopped; what was finished is kept");
+        interrupted_command(60s, false);
+      },
+      ::testing::ExitedWithCode(128 + SIGINT), "stopped by SIGINT; what was finished is kept\n");
+  EXPECT_EXIT(
+      {
+        { const StoppedText text("stopped; what was finished is kept"); }
+        interrupted_command(60s, false);
+      },
+      ::testing::ExitedWithCode(128 + SIGINT), "stopped by SIGINT\n");
 }
 
 }  // namespace
