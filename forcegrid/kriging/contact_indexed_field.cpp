@@ -533,6 +533,7 @@ void ContactIndexedField::weigh() noexcept {
 void ContactIndexedField::collapse() noexcept {
   Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Vector3d constant = Eigen::Vector3d::Zero();
   const double inverse_length_per_m = 1.0 / kernel_.field.length_m;
   std::size_t lane = 0;
@@ -549,12 +550,14 @@ void ContactIndexedField::collapse() noexcept {
     const Eigen::Vector3d weight = kernel_.similarity(point_W_, f.point_W) * f.weight;
     fill_lane(f.position_m, weight);
     origin -= f.with_origin * weight;
+    sum += weight;
     moment += 0.5 * (weight * f.position_m.transpose() + f.position_m * weight.transpose());
     if (f.contact == contact_) {
       constant += f.offset_N2 * f.weight;
     }
   }
   fill_lane(Eigen::Vector3d::Zero(), origin);
+  constant += sum + origin;  // what radial_sum() leaves out
   lanes_used_ = padded(static_cast<int>(lane), kLanePadding);
   while (lane < static_cast<std::size_t>(lanes_used_)) {
     fill_lane(Eigen::Vector3d::Constant(kOutOfReach_m), Eigen::Vector3d::Zero());

@@ -580,7 +580,8 @@ void DictionaryField<Real, N, M, K>::collapse() noexcept {
   const double s2 = settings_.kernel.stiffness_variance();
   moment.diagonal().array() += moment.trace();
   linear_N_per_m_ = (s2 * moment).template cast<Real>();
-  constant_N_ = (settings_.kernel.constant_N2 * sum).template cast<Real>();
+  // Besides the kernel's constant, what radial_sum() leaves out.
+  constant_N_ = ((settings_.kernel.constant_N2 + 1.0) * sum).template cast<Real>();
   for (std::size_t j = 0; j < kHistoryFeatures; ++j) {
     history_N_per_m_[j] = (settings_.kernel.history_variance() * lag[j]).template cast<Real>();
   }

@@ -17,13 +17,20 @@ namespace forcegrid::kriging {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// exp(x) for x = scale * r <= 0, never below 2^-126. In single precision it is 2^n times the
-// polynomial of fifth degree in f that has the least relative error (7.5e-8) for 2^f, |f| <= 1/2,
-// found by the Remez exchange. This takes half the work of hn::Exp(), which also covers cases that
-// do not occur here.
+// exp(x) and exp(x) - 1 for x = scale * r <= 0, each with its own relative precision; exp(x) is
+// never below 2^-126. In single precision x = (n + f) ln 2 with |f| <= 1/2, and exp(x) - 1 is
+// 2^n (2^f - 1) + (2^n - 1), of which the second part is exact, and zero for small x.
+// (2^f - 1) / f is the polynomial of fifth degree in f that has the least relative error (1.1e-8),
+// found by the Remez exchange. hn::Exp() and hn::Expm1() also cover cases that do not occur here.
+template <class V>
+struct Exponential {
+  V value, less_one;
+};
+
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V exp_of_negative(D d, V r, hn::TFromD<D> scale) {
+HWY_INLINE Exponential<V> exponential_of_negative(D d, V r, hn::TFromD<D> scale) {
   using T = hn::TFromD<D>;
+  const V one = hn::Set(d, T(1));
   if constexpr (sizeof(T) == sizeof(float)) {
     constexpr T kLog2E = T(1.44269504088896341);
     // Adding this leaves the nearest integer in the lowest bits.
@@ -33,15 +40,18 @@ HWY_INLINE V exp_of_negative(D d, V r, hn::TFromD<D> scale) {
     const V f = hn::Sub(t, hn::Sub(rounded, hn::Set(d, kRound)));
     // Estrin's scheme: three steps deep instead of five.
     const V f2 = hn::Mul(f, f);
-    const V low = hn::MulAdd(hn::Set(d, T(0.6931469671)), f, hn::Set(d, T(1.000000072)));
-    const V middle = hn::MulAdd(hn::Set(d, T(0.05550713274)), f, hn::Set(d, T(0.2402211972)));
-    const V high = hn::MulAdd(hn::Set(d, T(0.001327647198)), f, hn::Set(d, T(0.009675541334)));
-    const V power = hn::MulAdd(hn::MulAdd(high, f2, middle), f2, low);
+    const V low = hn::MulAdd(hn::Set(d, T(0.2402264979)), f, hn::Set(d, T(0.6931471879)));
+    const V middle = hn::MulAdd(hn::Set(d, T(0.009618237494)), f, hn::Set(d, T(0.05550357434)));
+    const V high = hn::MulAdd(hn::Set(d, T(0.0001540351276)), f, hn::Set(d, T(0.001339073548)));
+    const V power_less_one = hn::Mul(f, hn::MulAdd(hn::MulAdd(high, f2, middle), f2, low));
     const hn::RebindToSigned<D> di;
-    return hn::BitCast(
-        d, hn::Add(hn::BitCast(di, power), hn::ShiftLeft<23>(hn::BitCast(di, rounded))));
+    const V two_to_n =
+        hn::BitCast(d, hn::Add(hn::BitCast(di, one), hn::ShiftLeft<23>(hn::BitCast(di, rounded))));
+    return {hn::MulAdd(two_to_n, power_less_one, two_to_n),
+            hn::MulAdd(two_to_n, power_less_one, hn::Sub(two_to_n, one))};
   } else {
-    return hn::Exp(d, hn::Mul(r, hn::Set(d, scale)));
+    const V value = hn::Exp(d, hn::Mul(r, hn::Set(d, scale)));
+    return {value, hn::Sub(value, one)};
   }
 }
 
@@ -51,13 +61,13 @@ HWY_INLINE void radial(D d, hn::TFromD<D> length_m, V r2, V& minus_g1, V& g2, V&
   using T = hn::TFromD<D>;
   const T inverse_l2 = T(1) / (length_m * length_m);
   if constexpr (kShape == RadialShape::kSquaredExponential) {
-    minus_g1 = exp_of_negative(d, r2, T(-0.5) * inverse_l2);
+    minus_g1 = exponential_of_negative(d, r2, T(-0.5) * inverse_l2).value;
     g2 = hn::Mul(minus_g1, hn::Set(d, inverse_l2));
     minus_g3 = hn::Mul(g2, hn::Set(d, inverse_l2));
   } else {
     const T k2 = T(7) * inverse_l2;
     const V s = hn::Sqrt(hn::Mul(r2, hn::Set(d, k2)));
-    const V e = exp_of_negative(d, s, T(-1));
+    const V e = exponential_of_negative(d, s, T(-1)).value;
     const V third_e = hn::Mul(e, hn::Set(d, T(1) / T(3)));
     const V third_e_s = hn::Mul(third_e, s);
     g2 = hn::Mul(hn::Add(third_e, third_e_s), hn::Set(d, k2));
@@ -66,15 +76,19 @@ HWY_INLINE void radial(D d, hn::TFromD<D> length_m, V r2, V& minus_g1, V& g2, V&
   }
 }
 
-// -g' and g'' l^2 for l = 1, the terms of the samples' sum.
+// -g' - 1 and g'' l^2 for l = 1, the terms of the samples' sum.
 template <RadialShape kShape, class D, class V = hn::Vec<D>>
-HWY_INLINE void unit_radial(D d, V r2, V& minus_g1, V& g2) {
+HWY_INLINE void unit_radial(D d, V r2, V& minus_g1_less_one, V& g2) {
   using T = hn::TFromD<D>;
   if constexpr (kShape == RadialShape::kSquaredExponential) {
-    minus_g1 = g2 = exp_of_negative(d, r2, T(-0.5));
+    const Exponential<V> e = exponential_of_negative(d, r2, T(-0.5));
+    g2 = e.value;
+    minus_g1_less_one = e.less_one;
   } else {
+    V minus_g1;
     V minus_g3;
     radial<kShape>(d, T(1), r2, minus_g1, g2, minus_g3);
+    minus_g1_less_one = hn::Sub(minus_g1, hn::Set(d, T(1)));
   }
 }
 
@@ -115,13 +129,13 @@ HWY_INLINE RadialSum<T> sum_terms(const RadialTerms<T>& terms, const T* p_m) {
   for (int i = 0; i < terms.samples; i += lanes) {
     const auto [x, y, z, ax, ay, az, r2] = sample_lanes(d, terms, i, px, py, pz);
     nearest = hn::Min(nearest, r2);
-    V minus_g1;
+    V minus_g1_less_one;
     V g2;
-    unit_radial<kShape>(d, r2, minus_g1, g2);
+    unit_radial<kShape>(d, r2, minus_g1_less_one, g2);
     const V along = hn::Mul(g2, hn::MulAdd(x, ax, hn::MulAdd(y, ay, hn::Mul(z, az))));
-    fx = hn::MulAdd(minus_g1, ax, hn::NegMulAdd(along, x, fx));
-    fy = hn::MulAdd(minus_g1, ay, hn::NegMulAdd(along, y, fy));
-    fz = hn::MulAdd(minus_g1, az, hn::NegMulAdd(along, z, fz));
+    fx = hn::MulAdd(minus_g1_less_one, ax, hn::NegMulAdd(along, x, fx));
+    fy = hn::MulAdd(minus_g1_less_one, ay, hn::NegMulAdd(along, y, fy));
+    fz = hn::MulAdd(minus_g1_less_one, az, hn::NegMulAdd(along, z, fz));
   }
   RadialSum<T> sum;
   sum.force_N[0] = hn::GetLane(hn::SumOfLanes(d, fx));

@@ -36,10 +36,13 @@ RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m
     const Real r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     sum.nearest_m2 = std::min(sum.nearest_m2, r2);
     radial(r2, minus_g1, g2, minus_g3);
+    const Real minus_g1_less_one = terms.shape == RadialShape::kSquaredExponential
+                                       ? std::expm1(Real(-0.5) * r2 * inverse_l2)
+                                       : minus_g1 - Real(1);
     const Real along =
         g2 * (d[0] * terms.weight(0)[i] + d[1] * terms.weight(1)[i] + d[2] * terms.weight(2)[i]);
     for (int a = 0; a < 3; ++a) {
-      sum.force_N[a] += minus_g1 * terms.weight(a)[i] - along * d[a];
+      sum.force_N[a] += minus_g1_less_one * terms.weight(a)[i] - along * d[a];
     }
   }
   for (int i = 0; i < terms.stiffness_samples; ++i) {

@@ -313,6 +313,39 @@ TEST_P(Lanes, SumLikePlainLoops) {
   }
 }
 
+// Samples within a millimetre, with weights of a kilonewton that nearly cancel: what is left
+// differs from place to place by millinewtons, and single precision must not hide it.
+TEST_P(Lanes, SumLargeWeightsOfSamplesNearEachOther) {
+  constexpr double kLength_m = 0.03;
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  alignas(64) std::array<std::array<double, 32>, 6> samples;
+  alignas(64) std::array<std::array<float, 32>, 6> single_samples;
+  for (std::size_t a = 0; a < 6; ++a) {
+    for (std::size_t i = 0; i < 32; ++i) {
+      samples[a][i] = uniform(random_) * (a < 3 ? 0.001 / kLength_m : 1000.0);
+      single_samples[a][i] = static_cast<float>(samples[a][i]);
+      samples[a][i] = static_cast<double>(single_samples[a][i]);
+    }
+  }
+  RadialTerms<double> terms;
+  terms.sample_rows = samples[0].data();
+  terms.stride = terms.samples = 32;
+  RadialTerms<float> single_terms;
+  single_terms.sample_rows = single_samples[0].data();
+  single_terms.stride = single_terms.samples = 32;
+  for (int i = 0; i < 20; ++i) {
+    const float single_p[3] = {static_cast<float>(0.001 * uniform(random_)),
+                               static_cast<float>(0.001 * uniform(random_)),
+                               static_cast<float>(0.001 * uniform(random_))};
+    const double p[3] = {single_p[0], single_p[1], single_p[2]};
+    const RadialSum<double> sum = radial_sum(terms, p);
+    const RadialSum<float> single_sum = radial_sum(single_terms, single_p);
+    for (int a = 0; a < 3; ++a) {
+      EXPECT_NEAR(single_sum.force_N[a], sum.force_N[a], 1e-5);
+    }
+  }
+}
+
 std::vector<int64_t> targets() {
   std::vector<int64_t> each;
   for (int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1) {
