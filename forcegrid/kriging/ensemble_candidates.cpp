@@ -18,6 +18,7 @@ constexpr int kRelaxationSamples = 24;
 constexpr std::size_t kExact = 0;  // of the smooth ones
 constexpr char kExactName[] = "exact";
 constexpr double kExactNugget_N2 = 1e-6;
+constexpr double kExactFittedShare = 0.3;
 // Noise that makes samples of one place differ by more than their spacing allows would keep the
 // outlying ones beside each other. Candidates for such noise tell places apart by more deviations.
 constexpr double kNoiseApart = 12.0;
@@ -40,6 +41,7 @@ class Builder {
     if (!plan.ensemble) {
       settings_.stiffness_samples = kCandidateStiffnessSamples;
       settings_.nugget_N2 = kExactNugget_N2;
+      settings_.fitted_share = kExactFittedShare;
       settings_.samples = plan.samples;
       add_plain(kExactName, settings_, 1.0);
       return std::move(candidates_);
@@ -91,11 +93,14 @@ class Builder {
     struct Noise {
       const char* name;
       double nugget_N2;
+      double fitted_share = 1.0;
     };
     FieldSettings settings = settings_;
     settings.stiffness_samples = kCandidateStiffnessSamples;
-    std::array<Noise, 4> noises{
-        {{kExactName, kExactNugget_N2}, {"smooth", 1e-5}, {"noisy", 1e-4}, {"very noisy", 1e-3}}};
+    std::array<Noise, 4> noises{{{kExactName, kExactNugget_N2, kExactFittedShare},
+                                 {"smooth", 1e-5},
+                                 {"noisy", 1e-4},
+                                 {"very noisy", 1e-3}}};
     // The first one begins, and stays while the others sleep if it is nearly as good. Where nobody
     // sleeps, that is the one whose assumption fits most simulators.
     if (kind_ == EnsembleKind::kKriging) {
@@ -103,6 +108,7 @@ class Builder {
     }
     for (const Noise& noise : noises) {
       settings.nugget_N2 = noise.nugget_N2;
+      settings.fitted_share = noise.fitted_share;
       settings.averaged_spacing.newtons = kNoiseApart * std::sqrt(noise.nugget_N2);
       settings.averaged =
           settings.averaged_spacing.newtons > settings.spacing.newtons ? kAveraged : 1;

@@ -96,7 +96,8 @@ void DictionaryField<Real, N, M, K>::append_force(int slot, bool solved) noexcep
   }
   Eigen::Matrix3d own =
       settings_.kernel.force_force(s.position_m, s.history, s.position_m, s.history);
-  const double noise_N2 = settings_.nugget_N2 / s.count;
+  const double share = fits_closely_ ? settings_.fitted_share : 1.0;
+  const double noise_N2 = share * settings_.nugget_N2 / s.count;
   own.diagonal().array() += noise_N2 + s.doubt_N2;
   factor_.template append<3>(x_, own, s.force_N, 0.5 * noise_N2);
   if constexpr (K > 0) {
@@ -377,6 +378,7 @@ int DictionaryField<Real, N, M, K>::place(const Observation& o) noexcept {
 template <typename Real, int N, int M, int K>
 Innovation DictionaryField<Real, N, M, K>::take(const Observation& o) noexcept {
   finish();
+  decide_closeness();
   Innovation innovation;
   innovation.predicted = sample_count_ > 0;
   if (o.contact != contact_) {

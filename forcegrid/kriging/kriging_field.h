@@ -20,6 +20,7 @@ inline constexpr int kSmallSamples = 16;
 struct FieldSettings {
   Kernel kernel;
   double nugget_N2 = 1e-5;    ///< variance of the noise of a sample's force, per axis
+  double fitted_share = 1.0;  ///< of the nugget, in a fit that may be close (DictionaryField)
   int samples = 32;           ///< capacity of the dictionary, up to the field's
   int stiffness_samples = 0;  ///< how many of the newest samples keep their stiffness as data
   /// How many samples of one place a full dictionary averages, the newer ones counting more. 1:
@@ -188,6 +189,12 @@ class Field {
 /// of the sum collapse to a symmetric matrix, a vector and one matrix per feature, so only the
 /// radial part remains a sum over samples (kriging_simd.h).
 ///
+/// Closeness. The simulator's forces have less noise than is safe to assume: where few samples, or
+/// samples that the prior hardly expects, are fitted too closely, the field swings beyond them. So
+/// the fit assumes settings().fitted_share of the nugget only while it has 24 samples and s2
+/// (below) is small: it begins to below 0.5, 64 takes after the last factorisation at the earliest,
+/// and ends above 0.75. Surprises are judged by the whole nugget.
+///
 /// Dictionary. The newest sample is always in, but transient. When the next one comes, it stays if
 /// it is apart from all others (SampleSpacing), replaces the nearest if that was doubted more or if
 /// it repeats the place where that one began, and is dropped otherwise. (Without this bound a slow
@@ -321,6 +328,11 @@ class DictionaryField : public Field {
   static constexpr int kNone = -1;
   /// Rounding of the rotations adds up slowly; a fresh factorisation this often keeps it out.
   static constexpr int kTakesBetweenFactorisations = 1024;
+  // Of the closeness; docs/kriging.md has the comparison.
+  static constexpr int kEnoughSamples = 24;
+  static constexpr int kTakesBeforeClose = 64;
+  static constexpr double kLikelySquares = 0.5;
+  static constexpr double kUnlikelySquares = 0.75;
   /// To a full factor, or as much work.
   static constexpr int kAppendsAPiece = 3;
   using Factor = GrowingCholesky<kMaxRows, kTerms>;
@@ -406,6 +418,20 @@ class DictionaryField : public Field {
                             typename Factor::Columns& x) const noexcept;
   void covariances_of_stiffness(const Eigen::Vector3d& p,
                                 typename Factor::Columns& x) const noexcept;
+  // s2 is the mean square of what the factor makes of the data, which the prior expects to be one.
+  void decide_closeness() noexcept {
+    if (settings_.fitted_share >= 1.0 || factor_.rows() == 0) {
+      return;
+    }
+    const double s2 = (factor_.squares() - explained_squares()) / factor_.rows();
+    const bool ends = s2 > kUnlikelySquares;
+    const bool begins = sample_count_ >= kEnoughSamples && s2 < kLikelySquares &&
+                        takes_since_factorisation_ >= kTakesBeforeClose;
+    if (fits_closely_ ? ends : begins) {
+      fits_closely_ = !fits_closely_;
+      takes_since_factorisation_ = kTakesBetweenFactorisations;
+    }
+  }
   void append_force(int slot, bool solved) noexcept;
   void append_stiffness(int slot) noexcept;
   void remove_block(int block) noexcept;
@@ -502,6 +528,7 @@ class DictionaryField : public Field {
   int takes_since_factorisation_ = 0;
   bool reads_expected_ = true;
   bool collapse_due_ = false;  ///< put off, since nobody reads
+  bool fits_closely_ = false;
   std::uint64_t contact_ = 0;
   double scale_ = 1.0;           ///< s of this contact so far
   double scale_variance_ = 0.0;  ///< v; 0: there is no earlier contact
