@@ -53,9 +53,9 @@ struct RadialSum {
 ///
 ///   sum_i  (-g' - 1) alpha_i - g'' d (d.alpha_i)  +  sum_m  g'' (2 M d + tr(M) d) + g''' d (d.M d)
 ///
-/// with d = p - p_i; the derivatives g are Kernel's, and -g' is 1 where d is zero. Samples near each
-/// other have large weights of opposite signs. What is left out does not depend on p and is summed
-/// in double precision; in single precision it would hide what differs from place to place.
+/// with d = p - p_i; the derivatives g are Kernel's, and -g' is 1 where d is zero. Samples near
+/// each other have large weights of opposite signs. What is left out does not depend on p and is
+/// summed in double precision; in single precision it would hide what differs from place to place.
 RadialSum<float> radial_sum(const RadialTerms<float>& terms, const float p_m[3]) noexcept;
 RadialSum<double> radial_sum(const RadialTerms<double>& terms, const double p_m[3]) noexcept;
 template <typename Real>

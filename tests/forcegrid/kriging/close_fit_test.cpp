@@ -71,7 +71,7 @@ TEST(CloseFit, ComesWithEnoughSamplesAndIsCloser) {
   const ForceLaw law = smooth_N;
   Plain close(with(1e-6, kShare));
   Plain all_noise(with(1e-6, 1.0));
-  EXPECT_EQ(most_apart_N(play(close, law, 2.0), play(all_noise, law, 2.0)), 0.0) << "64 samples";
+  EXPECT_EQ(most_apart_N(play(close, law, 2.0), play(all_noise, law, 2.0)), 0.0) << "60 samples";
   const std::vector<Vector3d> closely_N = play(close, law, 20.0);
   const std::vector<Vector3d> noisily_N = play(all_noise, law, 20.0);
   const HandMotion motion(kSeed);

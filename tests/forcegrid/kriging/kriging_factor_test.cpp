@@ -313,8 +313,8 @@ TEST_P(Lanes, SumLikePlainLoops) {
   }
 }
 
-// Samples within a millimetre, with weights of a kilonewton that nearly cancel: what is left
-// differs from place to place by millinewtons, and single precision must not hide it.
+// Samples within a millimetre, with weights of up to a kilonewton: what is left without the
+// weights' sum is a hundred times smaller, and so must its rounding be.
 TEST_P(Lanes, SumLargeWeightsOfSamplesNearEachOther) {
   constexpr double kLength_m = 0.03;
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
