@@ -11,22 +11,22 @@ namespace forcegrid::kriging {
 template <typename Real>
 RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m[3]) noexcept {
   const Real inverse_l2 = Real(1) / (terms.length_m * terms.length_m);
-  const auto radial = [&](Real r2, Real& minus_g1, Real& g2, Real& minus_g3) {
+  const auto radial = [&](Real r2, Real& minus_g1_less_one, Real& g2, Real& minus_g3) {
     if (terms.shape == RadialShape::kSquaredExponential) {
-      minus_g1 = std::exp(Real(-0.5) * r2 * inverse_l2);
-      g2 = minus_g1 * inverse_l2;
+      minus_g1_less_one = std::expm1(Real(-0.5) * r2 * inverse_l2);
+      g2 = (Real(1) + minus_g1_less_one) * inverse_l2;
       minus_g3 = g2 * inverse_l2;
     } else {
       const Real k2 = Real(7) * inverse_l2;
       const Real s = std::sqrt(k2 * r2);
       const Real e = std::exp(-s);
-      minus_g1 = (Real(1) + s + s * s / Real(3)) * e;
+      minus_g1_less_one = (Real(1) + s + s * s / Real(3)) * e - Real(1);
       g2 = k2 / Real(3) * (Real(1) + s) * e;
       minus_g3 = k2 * k2 / Real(3) * e;
     }
   };
   RadialSum<Real> sum{{0, 0, 0}, std::numeric_limits<Real>::max()};
-  Real minus_g1 = 0;
+  Real minus_g1_less_one = 0;
   Real g2 = 0;
   Real minus_g3 = 0;
   for (int i = 0; i < terms.samples; ++i) {
@@ -35,10 +35,7 @@ RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m
                        p_m[2] - terms.length_m * terms.position(2)[i]};
     const Real r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     sum.nearest_m2 = std::min(sum.nearest_m2, r2);
-    radial(r2, minus_g1, g2, minus_g3);
-    const Real minus_g1_less_one = terms.shape == RadialShape::kSquaredExponential
-                                       ? std::expm1(Real(-0.5) * r2 * inverse_l2)
-                                       : minus_g1 - Real(1);
+    radial(r2, minus_g1_less_one, g2, minus_g3);
     const Real along =
         g2 * (d[0] * terms.weight(0)[i] + d[1] * terms.weight(1)[i] + d[2] * terms.weight(2)[i]);
     for (int a = 0; a < 3; ++a) {
@@ -58,7 +55,7 @@ RadialSum<Real> radial_sum_scalar(const RadialTerms<Real>& terms, const Real p_m
         m_d[c] += terms.stiffness_weight(k)[i] * d[b];
       }
     }
-    radial(d[0] * d[0] + d[1] * d[1] + d[2] * d[2], minus_g1, g2, minus_g3);
+    radial(d[0] * d[0] + d[1] * d[1] + d[2] * d[2], minus_g1_less_one, g2, minus_g3);
     const Real quadratic = d[0] * m_d[0] + d[1] * m_d[1] + d[2] * m_d[2];
     const Real trace =
         terms.stiffness_weight(0)[i] + terms.stiffness_weight(1)[i] + terms.stiffness_weight(2)[i];
