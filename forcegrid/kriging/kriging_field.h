@@ -429,6 +429,7 @@ class DictionaryField : public Field {
                         takes_since_factorisation_ >= kTakesBeforeClose;
     if (fits_closely_ ? ends : begins) {
       fits_closely_ = !fits_closely_;
+      // The sample that comes makes the factor anew.
       takes_since_factorisation_ = kTakesBetweenFactorisations;
     }
   }
