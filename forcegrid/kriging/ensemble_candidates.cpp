@@ -19,6 +19,7 @@ constexpr std::size_t kExact = 0;  // of the smooth ones
 constexpr char kExactName[] = "exact";
 constexpr double kExactNugget_N2 = 1e-6;
 constexpr double kExactFittedShare = 0.3;
+constexpr int kExactFewSamples = 8;
 // Noise that makes samples of one place differ by more than their spacing allows would keep the
 // outlying ones beside each other. Candidates for such noise tell places apart by more deviations.
 constexpr double kNoiseApart = 12.0;
@@ -42,6 +43,7 @@ class Builder {
       settings_.stiffness_samples = kCandidateStiffnessSamples;
       settings_.nugget_N2 = kExactNugget_N2;
       settings_.fitted_share = kExactFittedShare;
+      settings_.few_samples = kExactFewSamples;
       settings_.samples = plan.samples;
       add_plain(kExactName, settings_, 1.0);
       return std::move(candidates_);
@@ -94,10 +96,11 @@ class Builder {
       const char* name;
       double nugget_N2;
       double fitted_share = 1.0;
+      int few_samples = 1;
     };
     FieldSettings settings = settings_;
     settings.stiffness_samples = kCandidateStiffnessSamples;
-    std::array<Noise, 4> noises{{{kExactName, kExactNugget_N2, kExactFittedShare},
+    std::array<Noise, 4> noises{{{kExactName, kExactNugget_N2, kExactFittedShare, kExactFewSamples},
                                  {"smooth", 1e-5},
                                  {"noisy", 1e-4},
                                  {"very noisy", 1e-3}}};
@@ -109,6 +112,7 @@ class Builder {
     for (const Noise& noise : noises) {
       settings.nugget_N2 = noise.nugget_N2;
       settings.fitted_share = noise.fitted_share;
+      settings.few_samples = noise.few_samples;
       settings.averaged_spacing.newtons = kNoiseApart * std::sqrt(noise.nugget_N2);
       settings.averaged =
           settings.averaged_spacing.newtons > settings.spacing.newtons ? kAveraged : 1;

@@ -292,7 +292,8 @@ bool DictionaryField<Real, N, M, K>::settle_transient() noexcept {
   const int slot = transient_;
   const Stored& t = stored_[static_cast<std::size_t>(slot)];
   const bool averages = settings_.averaged > 1 && sample_count_ >= settings_.samples;
-  const SampleSpacing& spacing = averages ? settings_.averaged_spacing : settings_.spacing;
+  const SampleSpacing spacing =
+      averages ? settings_.averaged_spacing : settings_.spacing_among(sample_count_);
   const Settled settled =
       settle_newest(stored_, slot, spacing, settings_.nugget_N2, [&](const Stored& s) {
         return spacing.distance_m2(moved_m2(s, t.position_m, t.history),

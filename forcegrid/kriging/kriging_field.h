@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -26,6 +27,7 @@ struct FieldSettings {
   /// How many samples of one place a full dictionary averages, the newer ones counting more. 1:
   /// none; the newest replaces the one before.
   int averaged = 1;
+  int few_samples = 1;             ///< a dictionary of less than these keeps closer ones
   SampleSpacing averaged_spacing;  ///< that tells places apart then
 
   /// With history features in the kernel, |dP| includes the difference of the histories.
@@ -35,6 +37,10 @@ struct FieldSettings {
   double relative_stiffness_noise = 0.002;  ///< and of its norm, added in squares
   double surprise = 25.0;  ///< from this normalised squared innovation on, old samples are doubted
 
+  /// The spacing of the samples of a dictionary that has `count`.
+  SampleSpacing spacing_among(int count) const noexcept {
+    return spacing.of_few(std::min(1.0, static_cast<double>(count) / few_samples));
+  }
   /// [m] At this distance from a surprise, samples are doubted by a factor exp(-1/2) less.
   double doubt_reach_m() const noexcept { return 2.0 * kernel.length_m; }
 };
@@ -198,7 +204,9 @@ class Field {
 /// Dictionary. The newest sample is always in, but transient. When the next one comes, it stays if
 /// it is apart from all others (SampleSpacing), replaces the nearest if that was doubted more or if
 /// it repeats the place where that one began, and is dropped otherwise. (Without this bound a slow
-/// motion would drag one sample along and lose what it had known.) A full dictionary drops the
+/// motion would drag one sample along and lose what it had known.) While there are less than
+/// settings().few_samples, closer ones are apart, too: a tool that moves by less than the spacing
+/// would otherwise leave three samples, which tell no stiffness. A full dictionary drops the
 /// sample with the least  min_j |p_i - p_j|^2 / (|p_i - P|^2 + (10 mm)^2) / (1 + q_i / (10
 /// nugget)), where answers to queries count a twentieth.
 ///

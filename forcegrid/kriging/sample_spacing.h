@@ -22,6 +22,11 @@ struct SampleSpacing {
     const double metres_per_newton = metres / newtons;
     return std::max(moved_m2, metres_per_newton * metres_per_newton * changed_N2);
   }
+  /// Closer samples, of a dictionary of few. Forces are told apart by half of `newtons` at least:
+  /// noise that the field does not expect must not fill it. @param share above 0 and at most 1.
+  SampleSpacing of_few(double share) const noexcept {
+    return {metres * share, newtons * std::max(0.5, share)};
+  }
   /// Far enough from every other to be kept beside them.
   bool apart(double distance_m2) const noexcept { return distance_m2 >= metres * metres; }
   /// So close that it repeats the same measurement and may replace the first.
