@@ -102,6 +102,19 @@ TEST_F(CandidateChoiceTest, TakesLessNoiseWhereErrorsAreNotFelt) {
   EXPECT_EQ(choice_.best(smooth), smooth) << "of kriging-bank, whose candidates all stay awake";
 }
 
+// "viscous" has three times its score, but that is for its being rendered, not against it.
+TEST_F(CandidateChoiceTest, LeavesASpecialistToNobodyWhoErredMore) {
+  const std::size_t viscous = index("viscous");
+  const auto best = [&](double others_N2) {
+    for (int i = 0; i < 100; ++i) {
+      choice_.score(sample(others_N2, viscous, 1.0), viscous);
+    }
+    return choice_.best(viscous);
+  };
+  EXPECT_EQ(best(1.2), viscous);
+  EXPECT_NE(best(0.9), viscous);
+}
+
 TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
   choice_.score(sample(1.0, 1, 0.0), 0);
   EXPECT_NEAR(candidates_.all[0]->score_N2, 1.0 - thresholds_.score_kept, 1e-12);
