@@ -269,6 +269,29 @@ bool CandidateChoice::place_is_known(std::size_t rendered) noexcept {
   return true;
 }
 
+bool CandidateChoice::place_is_contradicted(const Observation& observation) noexcept {
+  if (!observation.has_stiffness || observation.from_query) {
+    return false;
+  }
+  Candidate& places = *candidates_.all[candidates_.places];
+  Eigen::Matrix3d error_N_per_m =
+      places.field().stiffness_N_per_m(observation.position_m, History::Zero());
+  for (int i = 0; i < 6; ++i) {
+    const int row = kStiffnessRow[i];
+    const int column = kStiffnessColumn[i];
+    error_N_per_m(row, column) -= observation.stiffness_N_per_m[i];
+    if (row != column) {
+      error_N_per_m(column, row) -= observation.stiffness_N_per_m[i];
+    }
+  }
+  const double error_N = (error_N_per_m * thresholds_.probe_m).norm();
+  if (!(error_N > thresholds_.known_place_N)) {
+    return false;
+  }
+  places.score_N2 = std::max(places.score_N2, error_N * error_N);
+  return true;
+}
+
 bool CandidateChoice::memory_takes_over(const Eigen::Vector3d& ahead_m,
                                         std::size_t rendered) noexcept {
   Candidate& memory = *candidates_.all[candidates_.memory];

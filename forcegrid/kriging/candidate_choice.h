@@ -93,6 +93,9 @@ class CandidateChoice {
   /// best of the others; adapts its score then. Not while `moved` has found that the object is not
   /// as it was. Needs Candidates::places.
   bool place_is_known(std::size_t rendered) noexcept;
+  /// Whether the simulator's stiffness shows that `places`, which is rendered, does not know the
+  /// place: that it would err by known_place_N at probe_m. It counts as its error then.
+  bool place_is_contradicted(const Observation& observation) noexcept;
   /// Whether `memory` knows the force at `ahead_m` so much better than the rendered candidate that
   /// it takes over; adapts its score then. Needs Candidates::memory.
   bool memory_takes_over(const Eigen::Vector3d& ahead_m, std::size_t rendered) noexcept;

@@ -263,12 +263,17 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
       entry.scored = false;
       return 1;
   }
+  const bool elsewhere = index == rendered_ && index == candidates_.places && entry.first_touch &&
+                         choice_.place_is_contradicted(observation);
   const kriging::Innovation innovation = candidate.field().take(observation);
   if (innovation.unfinished) {
     candidate.expect_result(number);
     return 1;  // it was only evaluated
   }
   taken(index, number, innovation);
+  if (elsewhere && index == rendered_ && choice_.runner_up(index) != Candidates::kNone) {
+    hand_over(choice_.runner_up(index), ChoiceReason::kPredictedBetter);
+  }
   return candidate.piece_units();
 }
 

@@ -64,6 +64,35 @@ TEST(AutoMethod, BeginsWithThePlaceThatItKnows) {
   EXPECT_LT(error_before_the_first_sample(*method, again_W), 0.03);
 }
 
+// The first sample of a contact is of no force, but its stiffness tells how stiff the place is now.
+TEST(AutoMethod, LeavesAPlaceThatHasAnotherStiffness) {
+  for (const double stiffer : {1.0, 0.6}) {
+    const auto method = make_auto();
+    for (std::uint32_t contact = 1; contact <= 4; ++contact) {
+      hold(*method, contact, kPlace_W + Vector3d(0.002 * contact, 0.0, 0.0), 2.0 * contact);
+    }
+    const Vector3d again_W = kPlace_W + Vector3d(0.006, 0.0, 0.0);
+    method->observe(10.0, again_W);
+    method->contact_made(5, again_W);
+    work(*method);
+    ASSERT_EQ(rendered(*method, again_W), "places");
+    Sample first = sample_at(10.0, again_W, Vector3d::Zero());
+    first.has_stiffness = true;
+    constexpr double kStep_m = 1e-6;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vector3d step_m = kStep_m * Vector3d::Unit(axis);
+      first.stiffness_W.col(axis) =
+          stiffer * (force_N(again_W, step_m) - force_N(again_W, -step_m)) / (2.0 * kStep_m);
+    }
+    method->take_sample(first);
+    work(*method);
+    EXPECT_EQ(rendered(*method, again_W) == "places", stiffer == 1.0);
+    const Vector3d d_m(0.002, -0.001, 0.004);
+    const Vector3d exact_N = stiffer * force_N(again_W, d_m);
+    EXPECT_LT((method->force(10.0, again_W + d_m).force_W - exact_N).norm(), 0.1 * exact_N.norm());
+  }
+}
+
 // A new contact at the point where the tool is announces that the object has changed, by a cut,
 // say.
 TEST(AutoMethod, DoesNotKnowAPlaceWhereTheObjectHasChanged) {
@@ -130,7 +159,8 @@ TEST(AutoMethod, KnowsAPlaceAgainThatItLeftForAnother) {
   const auto method = make_auto();
   std::uint32_t contact = 0;
   const auto hold_at = [&](const Vector3d& point_W) {
-    hold(*method, ++contact, point_W, 2.0 * contact);
+    ++contact;
+    hold(*method, contact, point_W, 2.0 * contact);
   };
   const Vector3d there_W = kPlace_W + Vector3d(0.020, 0.0, 0.0);
   for (const double aside_m : {0.0, 0.004, -0.003, 0.002}) {

@@ -281,6 +281,32 @@ TEST_F(CandidateChoiceTest, KnowsNoPlaceOfAnObjectThatGotWeakerSince) {
   EXPECT_NE(choice_.for_contact(0, true, moved).reason, ChoiceReason::kKnownPlace);
 }
 
+// 4 mm from the contact point 26 N/m make 0.104 N.
+TEST_F(CandidateChoiceTest, KnowsNoPlaceWhoseStiffnessIsAnother) {
+  Candidate& places = *candidates_.all[index("places")];
+  places.field().expect_reads(true);
+  press(places.field(), 200.0, 20);
+  const auto seen = [](double stiffness_N_per_m) {
+    Observation o;
+    o.has_stiffness = true;
+    o.stiffness_N_per_m.head<3>().setConstant(-stiffness_N_per_m);
+    return o;
+  };
+  EXPECT_FALSE(choice_.place_is_contradicted(seen(200.0)));
+  EXPECT_FALSE(choice_.place_is_contradicted(seen(180.0)));
+  EXPECT_FALSE(choice_.place_is_contradicted(seen(220.0)));
+  EXPECT_EQ(places.score_N2, 0.0);
+  EXPECT_TRUE(choice_.place_is_contradicted(seen(140.0)));
+  EXPECT_TRUE(choice_.place_is_contradicted(seen(260.0)));
+  EXPECT_NEAR(std::sqrt(places.score_N2), 0.24, 0.04);
+  Observation o = seen(140.0);
+  o.from_query = true;
+  EXPECT_FALSE(choice_.place_is_contradicted(o)) << "asked elsewhere";
+  o = seen(140.0);
+  o.has_stiffness = false;
+  EXPECT_FALSE(choice_.place_is_contradicted(o));
+}
+
 TEST_F(CandidateChoiceTest, BeginsAContactWithTheBestOfFirstTouches) {
   EvaluatedSample first = sample(1.0, 2, 0.1);
   first.first_touch = true;
