@@ -71,10 +71,12 @@ std::size_t CandidateChoice::best(std::size_t rendered) const noexcept {
   for (std::size_t i = 0; i < candidates_.all.size(); ++i) {
     const double weight = is_lucky(i, rendered) ? thresholds_.lucky_weight : 1.0;
     const double rated_N2 = weight * candidates_.all[i]->rate(peers);
-    // Whatever the weights. But what `walls` has proven counts more than its errors.
+    // Whatever the weights. But what `walls` has proven counts more than its errors, unless the
+    // object has moved since.
+    const bool proofs_count = i == candidates_.walls && rendered != candidates_.moved;
     const bool erred_less = candidates_.all[i]->score_N2 < candidates_.all[rendered]->score_N2;
     const bool may_take_over = candidates_.all[i]->awake() && candidates_.all[i]->scored_by_own &&
-                               (erred_less || i == candidates_.walls) &&
+                               (erred_less || proofs_count) &&
                                (i != candidates_.newest || newest_may);
     if (may_take_over && rated_N2 < least_N2) {
       best = i;

@@ -151,7 +151,7 @@ bool MovedField::moves_on(const Observation& observation) noexcept {
   step.topRightCorner<3, 3>().diagonal().setConstant(dt_s);
   covariance_ = step * covariance_ * step.transpose();
   if (dt_s > 0.0) {
-    double change_m_per_s = kUnsteady_m_per_s;
+    double change_m_per_s = unsteady_m_per_s_;
     if (!(dt_s < kLongest_s)) {  // it may have come to rest
       change_m_per_s += velocity_m_per_s_.norm();
       covariance_.topLeftCorner<3, 3>().diagonal().array() += std::pow(change_m_per_s * dt_s, 2);
@@ -195,6 +195,9 @@ Innovation MovedField::take_open(const Observation& observation) noexcept {
   if (innovation.surprised) {
     explain(observation, p, innovation);
     return innovation;
+  }
+  if (!observation.from_query) {
+    expect_steadiness(innovation.normalised);
   }
   const Lesson lesson = correct_shift(observation, p);
   if (lesson.corrected) {
@@ -241,6 +244,7 @@ void MovedField::explain(const Observation& observation, const Prediction& p,
     lesson = correct_shift(observation, p);
     if (lesson.corrected) {
       open_ = true;
+      unsteady_m_per_s_ = kUnsteady_m_per_s;
     } else {
       covariance_ = before;
     }
@@ -307,6 +311,19 @@ MovedField::Lesson MovedField::correct_shift(const Observation& observation,
     lesson.teaches = observation.has_stiffness;
   }
   return lesson;
+}
+
+// While the velocity stays as it is, the less it is expected to change, the more of what is unknown
+// of f does not pass for a shift.
+void MovedField::expect_steadiness(double normalised) noexcept {
+  if (normalised > kUnlikely) {
+    const double more_m2_per_s2 =
+        kUnsteady_m_per_s * kUnsteady_m_per_s - unsteady_m_per_s_ * unsteady_m_per_s_;
+    covariance_.bottomRightCorner<3, 3>().diagonal().array() += more_m2_per_s2;
+    unsteady_m_per_s_ = kUnsteady_m_per_s;
+  } else {
+    unsteady_m_per_s_ = std::max(kSteady_m_per_s, kSteadier * unsteady_m_per_s_);
+  }
 }
 
 void MovedField::close_if_at_rest() noexcept {

@@ -25,9 +25,10 @@ namespace forcegrid::kriging {
 /// simulator's stiffness is data and surprises, both tell s, and a shift by kOpen_m or 1 N over a
 /// third of a kernel length must explain them clearly worse: the force may still be small. From a
 /// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests,
-/// also from one contact to the next. As long as it is open, a sample teaches f only where f is
-/// less certain than d, or if it has the simulator's stiffness: then with the variance J P J^T of
-/// the force as noise, P the covariance of d.
+/// also from one contact to the next. It expects v to change the less the longer it has not. As
+/// long as it is open, a sample teaches f only where f is less certain than d, or if it has the
+/// simulator's stiffness: then with the variance J P J^T of the force as noise, P the covariance of
+/// d.
 ///
 /// So f never forgets what a change has not made wrong. But some shift explains any surprise: use
 /// it only as a candidate that has to prove itself.
@@ -47,10 +48,14 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   static constexpr double kLeastStrength = 0.02;
   static constexpr double kOpen_m = 1e-3;
   static constexpr double kOpen_m_per_s = 0.03;
-  static constexpr double kUnsteady_m_per_s = 0.7e-3;  ///< of the velocity, from sample to sample
-  static constexpr double kRests_m_per_s = 0.3e-3;     ///< below that, and
-  static constexpr double kKnown_m = 0.05e-3;          ///< with d known as well, it is closed
-  static constexpr double kFurthest_m = 5e-3;          ///< from one sample to the next
+  /// Change of the velocity from sample to sample: at first and from an unlikely sample on ...
+  static constexpr double kUnsteady_m_per_s = 0.7e-3;
+  static constexpr double kUnlikely = 3.0;   ///< ... with this normalised square, see Innovation
+  static constexpr double kSteadier = 0.85;  ///< share that is left after every other sample ...
+  static constexpr double kSteady_m_per_s = 0.2e-3;  ///< ... down to this
+  static constexpr double kRests_m_per_s = 0.3e-3;   ///< below that, and
+  static constexpr double kKnown_m = 0.05e-3;        ///< with d known as well, it is closed
+  static constexpr double kFurthest_m = 5e-3;        ///< from one sample to the next
   static constexpr double kLongest_s = 0.2;  ///< between samples of an object that moves steadily,
                                              ///< and of what read() foresees within a contact
   /// Between two samples, of two contacts, too: after longer it is closed.
@@ -112,12 +117,14 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   Prediction predict(const Observation& own) noexcept;
   bool moves_on(const Observation& observation) noexcept;
   Lesson correct_shift(const Observation& observation, const Prediction& prediction) noexcept;
+  void expect_steadiness(double normalised) noexcept;
   void close_if_at_rest() noexcept;
   void close() noexcept;
   void find_nearest_pair() noexcept;
 
   Eigen::Vector3d shift_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_per_s_ = Eigen::Vector3d::Zero();
+  double unsteady_m_per_s_ = kUnsteady_m_per_s;
   double strength_ = 1.0;
   bool open_ = false;
   Covariance covariance_ = Covariance::Zero();

@@ -115,6 +115,20 @@ TEST_F(CandidateChoiceTest, LeavesASpecialistToNobodyWhoErredMore) {
   EXPECT_NE(best(0.9), viscous);
 }
 
+// "walls" has proven a surface, so its error counts a hundredth; but not of an object that moved.
+TEST_F(CandidateChoiceTest, LeavesAMovedObjectToNoWallThatErredMore) {
+  const std::size_t walls = index("walls");
+  teach_a_wall(*candidates_.all[walls]);
+  const auto best = [&](std::size_t rendered) {
+    for (int i = 0; i < 100; ++i) {  // the first ones prove the surface
+      choice_.score(sample(1.0, walls, i < 10 ? 1e-4 : 1.2), rendered);
+    }
+    return choice_.best(rendered);
+  };
+  EXPECT_EQ(best(0), walls);
+  EXPECT_NE(best(index("moved")), walls);
+}
+
 TEST_F(CandidateChoiceTest, AveragesErrorsOverSomeSamples) {
   choice_.score(sample(1.0, 1, 0.0), 0);
   EXPECT_NEAR(candidates_.all[0]->score_N2, 1.0 - thresholds_.score_kept, 1e-12);

@@ -239,6 +239,30 @@ TEST(MovedField, FollowsAnObjectThatSlidesOnBetweenContacts) {
   EXPECT_EQ(field.velocity_m_per_s(), Vector3d::Zero());
 }
 
+// The longer an object slides steadily, the less a force that is a little off says of its velocity.
+TEST(MovedField, LearnsThatASlideIsSteady) {
+  const auto turned_m_per_s = [](int samples, double off_N) {
+    Scene scene;
+    MovedField field(settings());
+    scene.teach(field);
+    Observation o;
+    for (int i = 1; i <= samples; ++i) {
+      scene.moved_m = kPeriod_s * i * Vector3d(2e-3, -1.5e-3, 0.5e-3);
+      o = scene.next();
+      if (i == samples) {
+        o.force_N.x() += off_N;
+      }
+      field.take(o);
+    }
+    EXPECT_TRUE(field.open());
+    return field.velocity_m_per_s();
+  };
+  const auto turn_m_per_s = [&](int samples) {
+    return (turned_m_per_s(samples, 0.01) - turned_m_per_s(samples, 0.0)).norm();
+  };
+  EXPECT_LT(turn_m_per_s(30), 0.55 * turn_m_per_s(6));
+}
+
 TEST(MovedField, ComesToRestWithTheObject) {
   Scene scene;
   MovedField field(settings());
