@@ -276,16 +276,9 @@ bool CandidateChoice::place_is_contradicted(const Observation& observation) noex
     return false;
   }
   Candidate& places = *candidates_.all[candidates_.places];
-  Eigen::Matrix3d error_N_per_m =
-      places.field().stiffness_N_per_m(observation.position_m, History::Zero());
-  for (int i = 0; i < 6; ++i) {
-    const int row = kStiffnessRow[i];
-    const int column = kStiffnessColumn[i];
-    error_N_per_m(row, column) -= observation.stiffness_N_per_m[i];
-    if (row != column) {
-      error_N_per_m(column, row) -= observation.stiffness_N_per_m[i];
-    }
-  }
+  const Eigen::Matrix3d error_N_per_m =
+      places.field().stiffness_N_per_m(observation.position_m, History::Zero()) -
+      stiffness_matrix(observation.stiffness_N_per_m);
   const double error_N = (error_N_per_m * thresholds_.probe_m).norm();
   if (!(error_N > thresholds_.known_place_N)) {
     return false;

@@ -127,7 +127,9 @@ struct EnsembleThresholds {
   /// [m] Where `places` must be sure of the force, relative to the contact point, z being the
   /// surface's normal. [choice]
   Eigen::Vector3d probe_m{0.0, 0.0, 0.004};
-  double known_place_N = 0.10;  ///< [N] deviation there below which the place is known. [wake]
+  /// [N] Deviation there below which the place is known; error there by the simulator's stiffness
+  /// above which it is not. [wake]
+  double known_place_N = 0.10;
   /// `places` may have a score of at most this multiple of the best one, `memory` of its square
   /// times the rendered one. [choice]
   double no_worse = 2.0;

@@ -41,6 +41,7 @@ struct FieldSettings {
   SampleSpacing spacing_among(int count) const noexcept {
     return spacing.of_few(std::min(1.0, static_cast<double>(count) / few_samples));
   }
+
   /// [m] At this distance from a surprise, samples are doubted by a factor exp(-1/2) less.
   double doubt_reach_m() const noexcept { return 2.0 * kernel.length_m; }
 };

@@ -15,6 +15,16 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 inline constexpr int kStiffnessRow[6] = {0, 1, 2, 0, 0, 1};
 inline constexpr int kStiffnessColumn[6] = {0, 1, 2, 1, 2, 2};
 
+/// The matrix [N/m] of these six.
+inline Eigen::Matrix3d stiffness_matrix(const Vector6d& stiffness_N_per_m) noexcept {
+  Eigen::Matrix3d matrix;
+  for (int i = 0; i < 6; ++i) {
+    matrix(kStiffnessRow[i], kStiffnessColumn[i]) = stiffness_N_per_m[i];
+    matrix(kStiffnessColumn[i], kStiffnessRow[i]) = stiffness_N_per_m[i];
+  }
+  return matrix;
+}
+
 /// [s] Filters of the tool's path whose lag is a history feature.
 inline constexpr int kHistoryFeatures = 3;
 /// [m] Column j is P - LP_j(P), how far the tool is ahead of its own low-passed path.

@@ -313,8 +313,8 @@ MovedField::Lesson MovedField::correct_shift(const Observation& observation,
   return lesson;
 }
 
-// While the velocity stays as it is, the less it is expected to change, the more of what is unknown
-// of f does not pass for a shift.
+// The longer the velocity has stayed as it is, the less it is expected to change, and the less of
+// what is unknown of f passes for a shift.
 void MovedField::expect_steadiness(double normalised) noexcept {
   if (normalised > kUnlikely) {
     const double more_m2_per_s2 =

@@ -124,7 +124,7 @@ class MovedField final : public DictionaryField<float, 32, 4> {
 
   Eigen::Vector3d shift_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_per_s_ = Eigen::Vector3d::Zero();
-  double unsteady_m_per_s_ = kUnsteady_m_per_s;
+  double unsteady_m_per_s_ = kUnsteady_m_per_s;  ///< deviation of its change at the next sample
   double strength_ = 1.0;
   bool open_ = false;
   Covariance covariance_ = Covariance::Zero();

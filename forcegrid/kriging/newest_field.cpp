@@ -31,10 +31,7 @@ Innovation NewestField::take(const Observation& observation) noexcept {
     error_N2_ = kErrorKept * error_N2_ + (1.0 - kErrorKept) * error_N.squaredNorm();
   }
   if (observation.has_stiffness) {
-    for (int i = 0; i < 6; ++i) {
-      slope_N_per_m_(kStiffnessRow[i], kStiffnessColumn[i]) = observation.stiffness_N_per_m[i];
-      slope_N_per_m_(kStiffnessColumn[i], kStiffnessRow[i]) = observation.stiffness_N_per_m[i];
-    }
+    slope_N_per_m_ = stiffness_matrix(observation.stiffness_N_per_m);
   } else {
     slope_N_per_m_ +=
         error_N * step_m.transpose() / (step_m.squaredNorm() + kShortStep_m * kShortStep_m);
