@@ -497,6 +497,7 @@ TEST(HdDevice, N23_ErrorsStayInTheirThread) {
   hdStartScheduler();
   std::atomic<int> seen{0};
   std::atomic<int> ticks{0};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     seen += count_errors();
     ++ticks;

@@ -61,6 +61,7 @@ void ticks_are_a_millisecond_apart(Rig& rig) {
   period_ms.reserve(kMost);
   rate_Hz.reserve(kMost);
   rt::TimePoint last{};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     const rt::TimePoint now = rt::Clock::now();
     HDdouble now_Hz = 0;
@@ -111,6 +112,7 @@ void callbacks_share_a_frame(Rig& rig, HHD arm) {
       },
       HD_MIN_SCHEDULER_PRIORITY);
   std::atomic<int> wrong{0};
+  const ClearsAtEnd end(rig);
   rig.recurring(
       [&] {
         Vector3d force;
@@ -160,6 +162,7 @@ void too_much_is_shortened(Rig& rig, HHD arm) {
   std::atomic<int> exceeded{0};
   std::atomic<int> others{0};
   std::atomic<double> size_N{30};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     const Vector3d force = size_N * Vector3d(0, 0.6, 0.8);
     hdBeginFrame(arm);
@@ -287,6 +290,7 @@ void a_force_without_frames_holds_and_fades(Rig& rig, HHD arm) {
 void a_recurring_frame_without_force_is_zero_at_once(Rig& rig, HHD arm) {
   SCOPED_TRACE("a_recurring_frame_without_force_is_zero_at_once");
   std::atomic<bool> sets{true};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     const Vector3d force(0, 0, 2);
     hdBeginFrame(arm);
@@ -316,6 +320,7 @@ TEST(HdForce, N20_N21_AfterALossOneErrorAndNoForceUntilItIsEnabledAnew) {
   std::atomic<int> others{0};
   std::atomic<int> ticks{0};
   std::atomic<bool> rests{true};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     const Vector3d force(0, 1, 0);
     Vector3d velocity;
@@ -357,6 +362,7 @@ void one_that_lasts_gets_zero_and_an_error(Rig& rig, HHD arm) {
   SCOPED_TRACE("one_that_lasts_gets_zero_and_an_error");
   std::atomic<bool> blocks{false};
   std::atomic<int> errors{0};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     const Vector3d force(0, 2, 0);
     while (blocks) {
@@ -387,6 +393,7 @@ void one_that_throws_is_over(Rig& rig, HHD arm) {
   rig.push(arm, {0, 1, 0});
   ASSERT_TRUE(comes(rig, {0, 1, 0}));
   std::atomic<int> thrown{0};
+  const ClearsAtEnd end(rig);
   const HDSchedulerHandle handle = rig.recurring([&]() -> HDCallbackCode {
     ++thrown;
     hdBeginFrame(arm);
@@ -403,6 +410,7 @@ void one_that_throws_is_over(Rig& rig, HHD arm) {
 void one_may_leave_its_frame_open(Rig& rig, HHD arm) {
   SCOPED_TRACE("one_may_leave_its_frame_open");
   std::atomic<int> wrong{0};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     const Vector3d force(0, 2, 0);
     hdBeginFrame(arm);
@@ -419,6 +427,7 @@ void one_may_call_back_in(Rig& rig, HHD arm) {
   SCOPED_TRACE("one_may_call_back_in");
   std::atomic<int> inner{0};
   std::atomic<int> ticks{0};
+  const ClearsAtEnd end(rig);
   const HDSchedulerHandle own = rig.recurring([&] {
     hdBeginFrame(arm);
     rig.synchronous([&] {  // runs here and now
@@ -498,6 +507,7 @@ TEST(HdForce, ExertsTheTorqueOfAProgramWhereTheWristHasMotors) {
   EXPECT_EQ(last_error(), static_cast<HDerror>(HD_FRAME_ERROR)) << "outside of a frame";
   std::atomic<bool> pushes{true};
   std::atomic<bool> reads_back{true};
+  const ClearsAtEnd end(rig);
   rig.recurring([&] {
     HDdouble now[3] = {};
     hdBeginFrame(arm);

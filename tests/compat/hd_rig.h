@@ -67,6 +67,19 @@ class Rig {
   std::vector<HDSchedulerHandle> handles_;
 };
 
+/// To be declared after the variables that callbacks refer to, which run until they are
+/// unscheduled: at the end of the scope that happens first.
+class ClearsAtEnd {
+ public:
+  explicit ClearsAtEnd(Rig& rig) : rig_(rig) {}
+  ~ClearsAtEnd() { rig_.clear(); }
+  ClearsAtEnd(const ClearsAtEnd&) = delete;
+  ClearsAtEnd& operator=(const ClearsAtEnd&) = delete;
+
+ private:
+  Rig& rig_;
+};
+
 /// Looks every millisecond. @returns whether it came to hold within `patience`.
 bool wait_until(const std::function<bool()>& holds,
                 rt::Duration patience = std::chrono::seconds(15));
