@@ -102,14 +102,30 @@ class GrowingCholesky {
   }
 
   /// Their means by the other data: column j is x^T y_j.
-  Eigen::Matrix<double, 3, kMore> more_means(const Columns& x) const noexcept {
-    Eigen::Matrix<double, 3, kMore> sums = Eigen::Matrix<double, 3, kMore>::Zero();
+  template <int kCount = 3>
+  Eigen::Matrix<double, kCount, kMore> more_means(const Columns& x) const noexcept {
+    Eigen::Matrix<double, kCount, kMore> sums = Eigen::Matrix<double, kCount, kMore>::Zero();
     for (std::size_t j = 0; j < more_.size(); ++j) {
       for (std::size_t r = 0; r < static_cast<std::size_t>(rows_); ++r) {
-        for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t c = 0; c < kCount; ++c) {
           sums(static_cast<int>(c), static_cast<int>(j)) += x.column[c][r] * more_[j][r];
         }
       }
+    }
+    return sums;
+  }
+
+  /// The inner products of y_0, y_1, ... and, last, y.
+  Eigen::Matrix<double, kMore + 1, kMore + 1> data_products() const noexcept {
+    using Products = Eigen::Matrix<double, kMore + 1, kMore + 1>;
+    Products sums = Products::Zero();
+    Eigen::Matrix<double, kMore + 1, 1> row;
+    for (std::size_t r = 0; r < static_cast<std::size_t>(rows_); ++r) {
+      for (std::size_t j = 0; j < more_.size(); ++j) {
+        row[static_cast<int>(j)] = more_[j][r];
+      }
+      row[kMore] = y_[r];
+      sums.noalias() += row * row.transpose();
     }
     return sums;
   }
@@ -167,22 +183,29 @@ class GrowingCholesky {
     rows_ += kCount;
   }
 
-  /// The other data of the last three rows, appended just before with the same `x`.
-  void append_more(const Columns& x, const Eigen::Matrix<double, 3, kMore>& values) noexcept {
-    const int first = rows_ - 3;
+  /// The other data of the last `kCount` rows, appended just before with the same `x`.
+  template <int kCount>
+  void append_more(const Columns& x, const Eigen::Matrix<double, kCount, kMore>& values) noexcept {
+    const int first = rows_ - kCount;
     rows_ = first;
-    Eigen::Matrix<double, 3, kMore> y = values - more_means(x);
-    rows_ = first + 3;
+    Eigen::Matrix<double, kCount, kMore> y = values - more_means<kCount>(x);
+    rows_ = first + kCount;
     const PackedLower l = lower();
-    for (int c = 0; c < 3; ++c) {
+    for (int c = 0; c < kCount; ++c) {
       const double* column = l.column(first + c) + first;
       for (int j = 0; j < kMore; ++j) {
         y(c, j) /= column[c];
-        for (int b = c + 1; b < 3; ++b) {
+        for (int b = c + 1; b < kCount; ++b) {
           y(b, j) -= column[b] * y(c, j);
         }
         more_[static_cast<std::size_t>(j)][static_cast<std::size_t>(first + c)] = y(c, j);
       }
+    }
+  }
+  /// The other data of all rows become zero.
+  void clear_more() noexcept {
+    for (auto& y : more_) {
+      y.fill(0.0);
     }
   }
 

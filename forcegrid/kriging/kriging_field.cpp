@@ -100,9 +100,7 @@ void DictionaryField<Real, N, M, K>::append_force(int slot, bool solved) noexcep
   const double noise_N2 = share * settings_.nugget_N2 / s.count;
   own.diagonal().array() += noise_N2 + s.doubt_N2;
   factor_.template append<3>(x_, own, s.force_N, 0.5 * noise_N2);
-  if constexpr (K > 0) {
-    factor_.append_more(x_, terms_N_[static_cast<std::size_t>(slot)]);
-  }
+  append_terms<3>(slot);
   blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), false};
 }
 
@@ -115,6 +113,7 @@ void DictionaryField<Real, N, M, K>::append_stiffness(int slot) noexcept {
   Matrix6d own = settings_.kernel.stiffness_stiffness(s.position_m, s.position_m);
   own.diagonal().array() += variance;
   factor_.template append<6>(x_, own, s.stiffness_N_per_m, 0.5 * variance);
+  append_terms<6>(slot);
   blocks_[static_cast<std::size_t>(block_count_++)] = {static_cast<std::int16_t>(slot), true};
 }
 
@@ -370,7 +369,7 @@ int DictionaryField<Real, N, M, K>::place(const Observation& o) noexcept {
       o.stiffness_N_per_m, o.noise_N2, 1.0,          next_order_++, o.from_query,
       o.contact,           o.origin_W, true};
   if constexpr (K > 0) {
-    terms_N_[static_cast<std::size_t>(slot)] = o.terms_N.template leftCols<K>();
+    terms_N_[static_cast<std::size_t>(slot)] = terms_of(o, slot);
   }
   ++sample_count_;
   return slot;
@@ -692,6 +691,7 @@ template class DictionaryField<double, 32, 0>;
 template class DictionaryField<double, 32, 0, 1>;
 template class DictionaryField<double, 32, 0, kPathTerms>;
 template class DictionaryField<float, 32, 4>;
+template class DictionaryField<float, 32, 4, kMotionTerms>;
 template class DictionaryField<double, 32, 4>;
 template class DictionaryField<float, 48, 0>;
 template class DictionaryField<double, 48, 0>;

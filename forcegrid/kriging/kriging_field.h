@@ -53,6 +53,9 @@ inline constexpr int kPathTerms = 4;
 inline constexpr double kViscousTerm_Ns_per_m = 10.0;
 using PathTerms = Eigen::Matrix<double, 3, kPathTerms>;
 
+/// What samples of an object that moves carry along (SteadyMotion).
+inline constexpr int kMotionTerms = 7;
+
 /// A sample as a field takes it: positions relative to the contact point.
 struct Observation {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
@@ -234,8 +237,8 @@ class Field {
 /// Answers to queries join the dictionary where none of its samples is near; they are never the
 /// transient newest sample.
 ///
-/// Other data of the same samples, kTerms vectors each (Observation::terms_N), may be carried along
-/// for an owner who derives: y_j = L^-1 R_j beside y = L^-1 F.
+/// Other data of the same samples, kTerms vectors each, may be carried along for an owner who
+/// derives: y_j = L^-1 R_j beside y = L^-1 F. They are zero for a sample's stiffness.
 ///
 /// Failure: kinks within l of the samples; forces that depend on more than position (the history
 /// features are for those that depend on the path, UnilateralConstraintField for kinks).
@@ -367,6 +370,20 @@ class DictionaryField : public Field {
     int rows() const noexcept { return stiffness ? 6 : 3; }
   };
 
+  // For fields that carry other data along.
+
+  /// That of a sample which goes into `slot`.
+  virtual Terms terms_of(const Observation& observation, int slot) noexcept {
+    static_cast<void>(slot);
+    if constexpr (kTerms <= kPathTerms) {
+      return observation.terms_N.template leftCols<kTerms>();
+    } else {
+      return Terms::Zero();
+    }
+  }
+  /// As long as not, they cost nothing and are not to be read; see GrowingCholesky::clear_more().
+  virtual bool carries_terms() const noexcept { return kTerms > 0; }
+
   // For fields that add features, forces with a few unknown weights, to the covariance. Features
   // are fitted when the weights are solved for, and stay the same until then.
 
@@ -440,6 +457,21 @@ class DictionaryField : public Field {
       fits_closely_ = !fits_closely_;
       // The sample that comes makes the factor anew.
       takes_since_factorisation_ = kTakesBetweenFactorisations;
+    }
+  }
+  /// Of the rows just appended.
+  template <int kRows>
+  void append_terms(int slot) noexcept {
+    if constexpr (kTerms > 0) {
+      using RowTerms = Eigen::Matrix<double, kRows, kTerms>;
+      if (!carries_terms()) {
+        return;
+      }
+      if constexpr (kRows == 3) {
+        factor_.template append_more<3>(x_, terms_N_[static_cast<std::size_t>(slot)]);
+      } else {
+        factor_.template append_more<kRows>(x_, RowTerms::Zero());
+      }
     }
   }
   void append_force(int slot, bool solved) noexcept;

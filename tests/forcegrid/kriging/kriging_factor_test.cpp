@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <random>
+#include <type_traits>
 #include <vector>
 
 namespace forcegrid::kriging {
@@ -58,7 +59,7 @@ TEST(GrowingCholeskyMore, CarriesOtherDataThroughAppendingAndRemoving) {
     }
     carried.solve(x, 3);
     carried.append<3>(x, own, values, 0.1 * kNoise);
-    carried.append_more(x, more);
+    carried.append_more<3>(x, more);
     summed.solve(y, 3);
     summed.append<3>(y, own, values + more * factors, 0.1 * kNoise);
     at.insert(at.end(), fresh.begin(), fresh.end());
@@ -79,6 +80,57 @@ TEST(GrowingCholeskyMore, CarriesOtherDataThroughAppendingAndRemoving) {
     EXPECT_NEAR(sum[static_cast<std::size_t>(r)], summed.y(r), 1e-9 * (1.0 + std::abs(summed.y(r))))
         << r;
   }
+}
+
+// The inner products of the data in the norm of K^-1, of rows appended by three and by six.
+TEST(GrowingCholeskyMore, HasTheProductsOfItsData) {
+  using WithMore = GrowingCholesky<kMaxRows, 2>;
+  constexpr double kNoise = 1e-3;
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  WithMore factor;
+  std::vector<double> at;
+  Eigen::MatrixXd data(0, 3);  // the two others, then the factor's own
+  const auto append = [&](auto count) {
+    constexpr int kCount = decltype(count)::value;
+    const auto first = static_cast<Eigen::Index>(at.size());
+    for (int c = 0; c < kCount; ++c) {
+      at.push_back(uniform(random));
+    }
+    data.conservativeResize(first + kCount, 3);
+    data.bottomRows(kCount) =
+        Eigen::MatrixXd::NullaryExpr(kCount, 3, [&] { return uniform(random); });
+    WithMore::Columns x;
+    Eigen::Matrix<double, kCount, kCount> own;
+    for (int c = 0; c < kCount; ++c) {
+      const double s = at[static_cast<std::size_t>(first + c)];
+      for (std::size_t r = 0; r < static_cast<std::size_t>(first); ++r) {
+        x.column[static_cast<std::size_t>(c)][r] = covariance(s, at[r]);
+      }
+      for (int b = 0; b < kCount; ++b) {
+        own(c, b) =
+            covariance(s, at[static_cast<std::size_t>(first + b)]) + (b == c ? kNoise : 0.0);
+      }
+    }
+    factor.solve(x, kCount);
+    factor.append<kCount>(x, own, data.template bottomRightCorner<kCount, 1>(), 0.1 * kNoise);
+    factor.append_more<kCount>(x, data.template bottomLeftCorner<kCount, 2>());
+  };
+  for (int i = 0; i < 4; ++i) {
+    append(std::integral_constant<int, 3>());
+    append(std::integral_constant<int, 6>());
+  }
+  Eigen::MatrixXd k(36, 36);
+  for (int r = 0; r < 36; ++r) {
+    for (int c = 0; c < 36; ++c) {
+      k(r, c) = covariance(at[static_cast<std::size_t>(r)], at[static_cast<std::size_t>(c)]) +
+                (r == c ? kNoise : 0.0);
+    }
+  }
+  const Eigen::Matrix3d expected = data.transpose() * k.llt().solve(data);
+  EXPECT_LT((factor.data_products() - expected).norm(), 1e-8 * expected.norm()) << "seed " << kSeed;
+  factor.clear_more();
+  EXPECT_TRUE((factor.data_products().topRows<2>().isZero()));
 }
 
 class GrowingCholeskyTest : public ::testing::Test {
