@@ -12,8 +12,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kIterations = 3;
-constexpr double kAnything_N = 1.0;  // deviation of a change that has another cause
+constexpr int kIterations = 2;
+constexpr double kLeastVariance = 1e-18;  // of a motion's unknowns, which keeps it invertible
+constexpr double kAnything_N = 1.0;       // deviation of a change that has another cause
 constexpr double kClearly_nats = 3.0;
 // In a slide the factor is a guess, 2 to 8 deviations from one; after a cut, a thousand.
 constexpr double kSureOfScale = 20.0;
@@ -49,9 +50,12 @@ void MovedField::enter_contact(std::uint64_t contact, const Vector3d& point_W) n
 
 void MovedField::set_time(double time_s) noexcept {
   ahead_m_ = shift_m_;
+  ahead_s_ = time_s_;
   if (open_) {
     const double longest_s = entered_contact_ == moved_contact_ ? kLongest_s : kLongestUnseen_s;
-    ahead_m_ += std::clamp(time_s - time_s_, 0.0, longest_s) * velocity_m_per_s_;
+    const double ahead_s = std::clamp(time_s - time_s_, 0.0, longest_s);
+    ahead_m_ += ahead_s * velocity_m_per_s_;
+    ahead_s_ += ahead_s;
   }
 }
 
@@ -67,6 +71,7 @@ Innovation MovedField::take(const Observation& observation) noexcept {
     innovation.error_N *= strength_;
     if (innovation.unfinished) {
       innovation.unfinished = false;
+      next_.time_s = observation.from_query ? time_s_ : observation.time_s;
       explain(observation, predict(in_own_frame(observation)), innovation);
     }
   }
@@ -139,76 +144,205 @@ bool MovedField::weakened_by_stiffness(const Observation& observation) noexcept 
   return weaker;
 }
 
-// Advances the filter to the sample's time. @returns false, and closes it, if it can't.
+// To the sample's time. @returns false, and closes it, if it can't.
 bool MovedField::moves_on(const Observation& observation) noexcept {
   const double dt_s = observation.from_query ? 0.0 : observation.time_s - time_s_;
   if (!(dt_s >= 0.0 && dt_s < kLongestUnseen_s)) {
     close();
     return false;
   }
-  shift_m_ += dt_s * velocity_m_per_s_;
-  Covariance step = Covariance::Identity();
-  step.topRightCorner<3, 3>().diagonal().setConstant(dt_s);
-  covariance_ = step * covariance_ * step.transpose();
-  if (dt_s > 0.0) {
-    double change_m_per_s = unsteady_m_per_s_;
+  go_to(time_s_ + dt_s);
+  if (observation.contact != contact_ || !(dt_s < kLongest_s)) {
+    Covariance opened = covariance_;
     if (!(dt_s < kLongest_s)) {  // it may have come to rest
-      change_m_per_s += velocity_m_per_s_.norm();
-      covariance_.topLeftCorner<3, 3>().diagonal().array() += std::pow(change_m_per_s * dt_s, 2);
+      const double change_m_per_s = kChange_m_per_s + velocity_m_per_s_.norm();
+      opened.diagonal().head<3>().array() += std::pow(change_m_per_s * dt_s, 2);
+      opened.diagonal().tail<3>().array() += std::pow(change_m_per_s, 2);
     }
-    covariance_.bottomRightCorner<3, 3>().diagonal().array() += std::pow(change_m_per_s, 2);
+    begin_motion(time_s_ + dt_s, opened);
   }
   return true;
 }
 
+void MovedField::go_to(double time_s) noexcept {
+  shift_m_ = motion_.shift_m(time_s, motion_.eta());
+  velocity_m_per_s_ = motion_.velocity_m_per_s();
+  covariance_ = motion_.covariance_at(time_s);
+  next_ = {time_s, motion_.eta()};
+}
+
+// From the present shift and velocity on. @param opened their covariance.
+void MovedField::begin_motion(double time_s, const Covariance& opened) noexcept {
+  end_motion();
+  factor_.clear_more();
+  open_ = true;
+  Covariance covariance = opened;
+  covariance.diagonal().array() += kLeastVariance;
+  motion_.begin(time_s, shift_m_, velocity_m_per_s_, covariance);
+  next_ = {time_s, motion_.eta()};
+}
+
+// The samples go to where they are thought to have been, with what is uncertain of that as noise.
+void MovedField::end_motion() noexcept {
+  if (!open_) {
+    return;
+  }
+  const bool fits = motion_.fit(factor_.data_products(), factor_.rows());
+  open_ = false;
+  next_terms_N_.setZero();
+  for (std::size_t i = 0; i < linear_.size(); ++i) {
+    Stored& s = stored_[i];
+    Terms& terms_N = terms_N_[i];
+    if (s.used && fits && !terms_N.isZero()) {
+      const SteadyMotion::Columns by_N = terms_N.leftCols<SteadyMotion::kUnknowns>();
+      const Vector3d moved_m = motion_.design(linear_[i].time_s) * (motion_.eta() - linear_[i].eta);
+      s.position_m -= moved_m;
+      s.first_position_m -= moved_m;
+      s.doubt_N2 += (by_N * motion_.covariance() * by_N.transpose()).trace() / 3.0;
+    }
+    terms_N.setZero();
+  }
+  factorise();
+  collapse();
+}
+
+MovedField::Terms MovedField::terms_of(const Observation& /*observation*/, int slot) noexcept {
+  linear_[static_cast<std::size_t>(slot)] = next_;
+  return next_terms_N_;
+}
+
+void MovedField::solve_weights() noexcept {
+  if (!open_) {
+    Base::solve_weights();
+    return;
+  }
+  motion_.fit(factor_.data_products(), factor_.rows());  // take_moving() sees whether it does
+  factor_.sum_of_data(motion_.factors(), alpha_.data());
+  factor_.solve_transposed(alpha_.data());
+}
+
+void MovedField::add_features(const Vector3d& /*p*/, const Vector3d& /*origin_W*/,
+                              const typename Factor::Columns& x, Vector3d& mean_N,
+                              Matrix3d& covariance_N2) const noexcept {
+  if (!open_) {
+    return;
+  }
+  const Terms left_N = next_terms_N_ - factor_.more_means(x);
+  const auto motion_N = left_N.leftCols<SteadyMotion::kUnknowns>();
+  mean_N -= left_N * motion_.factors();
+  // Its own uncertainty is absolute, not to be scaled by the data's spread.
+  covariance_N2 += motion_N * motion_.covariance() * motion_N.transpose() / data_scale();
+}
+
+// The stiffness of f there.
+Matrix3d MovedField::slope_N_per_m(const Observation& own) noexcept {
+  const bool put_off = collapse_due_;
+  if (put_off) {
+    Base::expect_reads(true);
+  }
+  const Matrix3d slope = Base::stiffness_N_per_m(own.position_m, own.history);
+  if (put_off) {
+    Base::expect_reads(false);
+  }
+  return slope;
+}
+
 MovedField::Prediction MovedField::predict(const Observation& own) noexcept {
+  Prediction prediction;
+  prediction.slope_N_per_m = slope_N_per_m(own);
   covariances_of_force(own.position_m, own.history, x_);
   factor_.solve(x_, 3);
-  Prediction prediction;
   prediction.mean_N = factor_.template mean<3>(x_);
+  if (open_) {
+    next_terms_N_ = motion_.terms(next_.time_s, prediction.slope_N_per_m, next_.eta);
+    const Terms left_N = next_terms_N_ - factor_.more_means(x_);
+    prediction.motion_N = left_N.leftCols<SteadyMotion::kUnknowns>();
+    prediction.mean_N -= left_N * motion_.factors();
+  }
   prediction.error_N = own.force_N - prediction.mean_N;
   prediction.variance_N2 =
       (settings().kernel.force_force(own.position_m, own.history, own.position_m, own.history) -
        factor_.template explained<3>(x_)) *
       data_scale();
   prediction.variance_N2.diagonal().array() += settings().nugget_N2;
-  const bool put_off = collapse_due_;
-  if (put_off) {
-    Base::expect_reads(true);
-  }
-  prediction.slope_N_per_m = Base::stiffness_N_per_m(own.position_m, own.history);
-  if (put_off) {
-    Base::expect_reads(false);
-  }
   return prediction;
 }
 
+Innovation MovedField::teach(const Observation& own) noexcept {
+  seeks_ = false;
+  const Innovation taken = Base::take(own);
+  finish();
+  seeks_ = true;
+  return taken;
+}
+
 Innovation MovedField::take_open(const Observation& observation) noexcept {
-  const Prediction p = predict(in_own_frame(observation));
+  const double time_s = next_.time_s;
+  Innovation innovation = take_moving(observation, time_s > time_s_);
+  if (changed_) {
+    go_to(time_s_);
+    Covariance opened = covariance_;
+    opened.diagonal().tail<3>().array() += kChange_m_per_s * kChange_m_per_s;
+    begin_motion(time_s_, opened);
+    go_to(time_s);
+    innovation = take_moving(observation, false);
+  }
+  if (innovation.surprised) {
+    go_to(time_s);
+    explain(observation, predict(in_own_frame(observation)), innovation);
+  } else if (open_) {
+    close_if_at_rest();
+  }
+  return innovation;
+}
+
+// Takes a sample where the object is most likely to have been, unless it surprises or, if
+// `may_change`, shows another velocity: then nothing is taken.
+Innovation MovedField::take_moving(const Observation& observation, bool may_change) noexcept {
+  changed_ = false;
+  const SteadyMotion::Vector before = motion_.eta();
+  const SteadyMotion::Columns design = motion_.design(next_.time_s);
   Innovation innovation;
   innovation.predicted = true;
-  innovation.error_N = strength_ * p.error_N.norm();
-  const Matrix3d s = p.variance_N2 + p.slope_N_per_m * covariance_.topLeftCorner<3, 3>() *
-                                         p.slope_N_per_m.transpose();
-  innovation.normalised = p.error_N.dot(s.inverse() * p.error_N) / 3.0;
-  innovation.surprised = innovation.normalised > settings().surprise;
-  if (innovation.surprised) {
-    explain(observation, p, innovation);
-    return innovation;
+  next_.eta = before;
+  for (int i = 0; i < kIterations; ++i) {
+    shift_m_ = motion_.shift_m(next_.time_s, next_.eta);
+    const Prediction p = predict(in_own_frame(observation));
+    const Matrix3d s = p.variance_N2 + p.motion_N * motion_.covariance() * p.motion_N.transpose();
+    if (i == 0) {
+      innovation.error_N = strength_ * p.error_N.norm();
+      innovation.normalised = p.error_N.dot(s.inverse() * p.error_N) / 3.0;
+      const double change_m = kChange_m_per_s * (next_.time_s - time_s_);
+      const Matrix3d if_changed_N2 =
+          s + change_m * change_m * p.slope_N_per_m * p.slope_N_per_m.transpose();
+      changed_ =
+          may_change &&
+          log_likelihood(p.error_N, if_changed_N2) - log_likelihood(p.error_N, s) > kChange_nats;
+      innovation.surprised = innovation.normalised > settings().surprise;
+      if (changed_ || innovation.surprised) {
+        return innovation;
+      }
+    }
+    const SteadyMotion::Vector step =
+        motion_.covariance() * p.motion_N.transpose() * (s.inverse() * p.error_N);
+    if (!((design * step).norm() < kFurthest_m)) {
+      go_to(next_.time_s);
+      close();
+      innovation.doubt_N2 = teach(in_own_frame(observation)).doubt_N2;
+      return innovation;
+    }
+    next_.eta = before + step;
   }
-  if (!observation.from_query) {
-    expect_steadiness(innovation.normalised);
-  }
-  const Lesson lesson = correct_shift(observation, p);
-  if (lesson.corrected) {
-    close_if_at_rest();
+  shift_m_ = motion_.shift_m(next_.time_s, next_.eta);
+  const Observation own = in_own_frame(observation);
+  next_terms_N_ = motion_.terms(next_.time_s, slope_N_per_m(own), next_.eta);
+  innovation.doubt_N2 = teach(own).doubt_N2;
+  const bool fits = motion_.fit(factor_.data_products(), factor_.rows());
+  const Vector3d jump_m = design * (motion_.eta() - next_.eta);
+  if (fits && data_scale() < kBroken && jump_m.norm() < kFurthest_m) {
+    go_to(next_.time_s);
   } else {
     close();
-  }
-  if (lesson.teaches) {
-    seeks_ = false;
-    innovation.doubt_N2 = Base::take(lesson.own).doubt_N2;
-    seeks_ = true;
   }
   return innovation;
 }
@@ -232,98 +366,24 @@ void MovedField::explain(const Observation& observation, const Prediction& p,
   anything_N2.diagonal().array() += kAnything_N * kAnything_N;
   const double anything_nats = log_likelihood(p.error_N, anything_N2);
   const double change = kWeaker * kWeaker * p.mean_N.dot(weaker_N2.inverse() * p.error_N);
-  Lesson lesson;
   const bool weaker =
       weaker_nats > moved_nats && change < 0.0 && (1.0 + change) * strength_ > kLeastStrength;
   if (weaker) {
     strength_ *= 1.0 + change;
-    lesson.own = in_own_frame(observation);
   } else {
-    const Covariance before = covariance_;
-    covariance_ = wider;
-    lesson = correct_shift(observation, p);
-    if (lesson.corrected) {
-      open_ = true;
-      unsteady_m_per_s_ = kUnsteady_m_per_s;
-    } else {
-      covariance_ = before;
-    }
+    begin_motion(next_.time_s, wider);
   }
-  if (lesson.teaches) {
-    seeks_ = false;
-    const Innovation taken = Base::take(lesson.own);
-    seeks_ = true;
-    innovation.doubt_N2 = taken.doubt_N2;
-    innovation.explained = weaker && !taken.surprised &&
-                           weaker_nats - std::max(moved_nats, anything_nats) > kClearly_nats;
+  Innovation taken;
+  if (open_) {
+    taken = take_moving(observation, false);
   }
-}
-
-// Corrects the shift by a sample, unless it would be too far, and finds what is left of the sample
-// for f. Where f is less certain than the shift, that is all that the shift does not explain. Where
-// it is more certain, nothing, but for the simulator's stiffness: with that f learns what the
-// sample meant before the correction, with the shift's variance for noise.
-MovedField::Lesson MovedField::correct_shift(const Observation& observation,
-                                             const Prediction& p) noexcept {
-  Lesson lesson;
-  lesson.own = in_own_frame(observation);
-  const bool put_off = collapse_due_;
-  if (put_off) {
-    Base::expect_reads(true);
+  if (!open_ || taken.surprised) {
+    close();
+    taken = teach(in_own_frame(observation));
   }
-  const Matrix3d before_m2 = covariance_.topLeftCorner<3, 3>();
-  Vector3d correction_m = Vector3d::Zero();
-  Vector3d scaled_N = Vector3d::Zero();
-  Matrix3d slope = p.slope_N_per_m;
-  Matrix3d inverse = Matrix3d::Zero();
-  Vector3d error_N = p.error_N;
-  for (int i = 0; i < kIterations; ++i) {
-    if (i > 0) {
-      const Vector3d at_m = observation.position_m - shift_m_ - correction_m;
-      slope = Base::stiffness_N_per_m(at_m, observation.history);
-      error_N = observation.force_N / strength_ - Base::read(at_m, observation.history).force_N;
-    }
-    inverse = (slope * before_m2 * slope.transpose() + p.variance_N2).inverse();
-    scaled_N = inverse * (error_N - slope * correction_m);
-    correction_m = -before_m2 * slope.transpose() * scaled_N;
-  }
-  if (put_off) {
-    Base::expect_reads(false);
-  }
-  if (!(correction_m.norm() < kFurthest_m)) {
-    return lesson;
-  }
-  lesson.corrected = true;
-  const double shift_N2 = (p.slope_N_per_m * before_m2 * p.slope_N_per_m.transpose()).trace() / 3.0;
-  const bool f_is_less_certain = p.variance_N2.trace() > 3.0 * shift_N2;
-  const Eigen::Matrix<double, 6, 3> across = covariance_.leftCols<3>() * slope.transpose();
-  shift_m_ += correction_m;
-  velocity_m_per_s_ -= across.bottomRows<3>() * scaled_N;
-  // In Joseph's form, which stays positive.
-  const Eigen::Matrix<double, 6, 3> gain = across * inverse;
-  Covariance kept = Covariance::Identity();
-  kept.leftCols<3>() -= gain * slope;
-  covariance_ = kept * covariance_ * kept.transpose() + gain * p.variance_N2 * gain.transpose();
-  if (f_is_less_certain) {
-    lesson.own = in_own_frame(observation);
-  } else {
-    lesson.own.noise_N2 = static_cast<float>(shift_N2);
-    lesson.teaches = observation.has_stiffness;
-  }
-  return lesson;
-}
-
-// The longer the velocity has stayed as it is, the less it is expected to change, and the less of
-// what is unknown of f passes for a shift.
-void MovedField::expect_steadiness(double normalised) noexcept {
-  if (normalised > kUnlikely) {
-    const double more_m2_per_s2 =
-        kUnsteady_m_per_s * kUnsteady_m_per_s - unsteady_m_per_s_ * unsteady_m_per_s_;
-    covariance_.bottomRightCorner<3, 3>().diagonal().array() += more_m2_per_s2;
-    unsteady_m_per_s_ = kUnsteady_m_per_s;
-  } else {
-    unsteady_m_per_s_ = std::max(kSteady_m_per_s, kSteadier * unsteady_m_per_s_);
-  }
+  innovation.doubt_N2 = taken.doubt_N2;
+  innovation.explained = weaker && !taken.surprised &&
+                         weaker_nats - std::max(moved_nats, anything_nats) > kClearly_nats;
 }
 
 void MovedField::close_if_at_rest() noexcept {
@@ -334,7 +394,7 @@ void MovedField::close_if_at_rest() noexcept {
 }
 
 void MovedField::close() noexcept {
-  open_ = false;
+  end_motion();
   ahead_m_ = shift_m_;
   velocity_m_per_s_.setZero();
   covariance_.setZero();
@@ -419,6 +479,9 @@ void MovedField::find_nearest_pair() noexcept {
 }
 
 bool MovedField::begin_with(std::span<const Observation> observations) noexcept {
+  open_ = false;
+  next_terms_N_.setZero();
+  terms_N_.fill(Terms::Zero());
   block_count_ = 0;
   blocks_due_ = 0;
   begin_factor();
@@ -453,6 +516,10 @@ Matrix3d MovedField::stiffness_N_per_m(const Vector3d& position_m,
 }
 
 double MovedField::deviation_N(const Vector3d& position_m, const History& history) const noexcept {
+  if (open_) {
+    next_terms_N_ = motion_.terms(ahead_s_, Base::stiffness_N_per_m(position_m - ahead_m_, history),
+                                  motion_.eta());
+  }
   return strength_ * Base::deviation_N(position_m - ahead_m_, history);
 }
 

@@ -2,17 +2,19 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "forcegrid/kriging/kriging_field.h"
+#include "forcegrid/kriging/steady_motion.h"
 
 namespace forcegrid::kriging {
 
 /// The same object, but moved or weaker: for one that slides away under the tool, or that is cut.
 ///
-///   F(P, t) = s f(P - d(t)),   d(t) = d_k + v (t - t_k)
+///   F(P, t) = s f(P - d(t)),   d(t) = d_c + v (t - t_c)
 ///
 /// f is a DictionaryField. A sample that does not surprise it teaches f, and d, v and the strength
 /// s stay. A sample that surprises it has one of two causes, the likelier of
@@ -23,12 +25,14 @@ namespace forcegrid::kriging {
 /// with the innovation e = F / s - f, its predicted covariance V and the stiffness J of f there. A
 /// strength only falls: what adds to a force is another object (UnilateralConstraintField). If the
 /// simulator's stiffness is data and surprises, both tell s, and a shift by kOpen_m or 1 N over a
-/// third of a kernel length must explain them clearly worse: the force may still be small. From a
-/// shift on, an extended Kalman filter follows d and v, iterated for d, until the object rests,
-/// also from one contact to the next. It expects v to change the less the longer it has not. As
-/// long as it is open, a sample teaches f only where f is less certain than d, or if it has the
-/// simulator's stiffness: then with the variance J P J^T of the force as noise, P the covariance of
-/// d.
+/// third of a kernel length must explain them clearly worse: the force may still be small.
+///
+/// From a shift on, and until the object rests, f, d_c and v are learned together, from the same
+/// samples (SteadyMotion). Each is taken where d is most likely to have been (iterated). A velocity
+/// is constant until a change by N(0, kChange_m_per_s^2) since the sample before explains one
+/// better by kChange_nats. Then, in each new contact and where nothing was seen for long, another
+/// motion begins: the samples go to where they are now thought to have been, with what is
+/// uncertain of that as noise.
 ///
 /// So f never forgets what a change has not made wrong. But some shift explains any surprise: use
 /// it only as a candidate that has to prove itself.
@@ -39,23 +43,23 @@ namespace forcegrid::kriging {
 ///
 /// Positions are relative to the contact point, and d is as well. Failure: turns; a part of an
 /// object that moves against the rest; one that recovers, which f then learns anew.
-/// Cost: as DictionaryField; while it is open half as much more. Real-time: as Field. Threads: one.
+/// Cost: as DictionaryField; while it is open twice as much, and a factorisation where a motion
+/// begins or ends. Real-time: as Field. Threads: one.
 /// Source: Jazwinski, Stochastic Processes and Filtering Theory (1970), section 8.3, for the
-/// iterated filter; docs/kriging.md, "Moved or weaker".
-class MovedField final : public DictionaryField<float, 32, 4> {
+/// iteration; docs/kriging.md, "Moved or weaker".
+class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
  public:
   static constexpr double kWeaker = 0.5;
   static constexpr double kLeastStrength = 0.02;
   static constexpr double kOpen_m = 1e-3;
   static constexpr double kOpen_m_per_s = 0.03;
-  /// Change of the velocity from sample to sample: at first and from an unlikely sample on ...
-  static constexpr double kUnsteady_m_per_s = 0.7e-3;
-  static constexpr double kUnlikely = 3.0;   ///< ... with this normalised square, see Innovation
-  static constexpr double kSteadier = 0.85;  ///< share that is left after every other sample ...
-  static constexpr double kSteady_m_per_s = 0.2e-3;  ///< ... down to this
-  static constexpr double kRests_m_per_s = 0.3e-3;   ///< below that, and
-  static constexpr double kKnown_m = 0.05e-3;        ///< with d known as well, it is closed
-  static constexpr double kFurthest_m = 5e-3;        ///< from one sample to the next
+  static constexpr double kChange_m_per_s = 3e-3;
+  static constexpr double kChange_nats = 3.0;
+  /// Mean square of what is left of the samples from which on it is no shift.
+  static constexpr double kBroken = 100.0;
+  static constexpr double kRests_m_per_s = 0.3e-3;  ///< below that, and
+  static constexpr double kKnown_m = 0.05e-3;       ///< with d known as well, it is closed
+  static constexpr double kFurthest_m = 5e-3;       ///< from one sample to the next
   static constexpr double kLongest_s = 0.2;  ///< between samples of an object that moves steadily,
                                              ///< and of what read() foresees within a contact
   /// Between two samples, of two contacts, too: after longer it is closed.
@@ -85,7 +89,7 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   /// The present time, for read().
   void set_time(double time_s) noexcept;
 
-  const Eigen::Vector3d& shift_m() const noexcept { return shift_m_; }  ///< d_k
+  const Eigen::Vector3d& shift_m() const noexcept { return shift_m_; }  ///< at the last sample
   const Eigen::Vector3d& velocity_m_per_s() const noexcept { return velocity_m_per_s_; }
   double strength() const noexcept { return strength_; }  ///< s
   bool open() const noexcept { return open_; }
@@ -93,18 +97,19 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   bool has_changed() const noexcept { return open_ || strength_ < 1.0 || !shift_m_.isZero(); }
 
  private:
-  using Base = DictionaryField<float, 32, 4>;
-  using Covariance = Eigen::Matrix<double, 6, 6>;  ///< of d and v
+  using Base = DictionaryField<float, 32, 4, kMotionTerms>;
+  using Covariance = SteadyMotion::Covariance;  ///< of d and v
+  static_assert(SteadyMotion::kTerms == kMotionTerms);
   struct Prediction {
-    Eigen::Vector3d mean_N, error_N;  ///< of f
-    Eigen::Matrix3d variance_N2;
+    Eigen::Vector3d mean_N, error_N;
+    Eigen::Matrix3d variance_N2;     ///< of f and the noise
+    SteadyMotion::Columns motion_N;  ///< how the force depends on what is unknown of the motion
     Eigen::Matrix3d slope_N_per_m;
   };
-  /// What is left of a sample for f to learn.
-  struct Lesson {
-    Observation own;  ///< in f's frame
-    bool teaches = true;
-    bool corrected = false;  ///< whether the shift was
+  /// What a sample is linear about.
+  struct Linear {
+    double time_s = 0.0;
+    SteadyMotion::Vector eta = SteadyMotion::Vector::Zero();
   };
 
   Observation in_own_frame(const Observation& observation) const noexcept;
@@ -112,24 +117,38 @@ class MovedField final : public DictionaryField<float, 32, 4> {
                          const Innovation& innovation) noexcept override;
   bool weakened_by_stiffness(const Observation& observation) noexcept;
   Innovation take_open(const Observation& observation) noexcept;
+  Innovation take_moving(const Observation& observation, bool may_change) noexcept;
+  Innovation teach(const Observation& own) noexcept;
   void explain(const Observation& observation, const Prediction& prediction,
                Innovation& innovation) noexcept;
+  Eigen::Matrix3d slope_N_per_m(const Observation& own) noexcept;
   Prediction predict(const Observation& own) noexcept;
   bool moves_on(const Observation& observation) noexcept;
-  Lesson correct_shift(const Observation& observation, const Prediction& prediction) noexcept;
-  void expect_steadiness(double normalised) noexcept;
+  void begin_motion(double time_s, const Covariance& opened) noexcept;
+  void go_to(double time_s) noexcept;
+  void end_motion() noexcept;
+
+  Terms terms_of(const Observation& observation, int slot) noexcept override;
+  bool carries_terms() const noexcept override { return open_; }
+  void solve_weights() noexcept override;
+  void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
+                    const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
+                    Eigen::Matrix3d& covariance_N2) const noexcept override;
+  double explained_squares() const noexcept override {
+    return open_ ? motion_.explained_squares() : 0.0;
+  }
+
   void close_if_at_rest() noexcept;
   void close() noexcept;
   void find_nearest_pair() noexcept;
 
   Eigen::Vector3d shift_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_per_s_ = Eigen::Vector3d::Zero();
-  double unsteady_m_per_s_ = kUnsteady_m_per_s;  ///< deviation of its change at the next sample
   double strength_ = 1.0;
   bool open_ = false;
-  Covariance covariance_ = Covariance::Zero();
-  double time_s_ = 0.0;                                ///< of d_k
-  std::uint64_t moved_contact_ = 0;                    ///< of d_k
+  Covariance covariance_ = Covariance::Zero();         ///< of shift and velocity
+  double time_s_ = 0.0;                                ///< of the shift: of the last sample
+  std::uint64_t moved_contact_ = 0;                    ///< of the shift
   std::uint64_t entered_contact_ = 0;                  ///< at present
   Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< d at present
   double nearest_pair_m2_ = -1.0;   ///< of the samples that are remembered; negative: not known
@@ -137,6 +156,13 @@ class MovedField final : public DictionaryField<float, 32, 4> {
   std::uint64_t scaled_since_ = 0;  ///< contact before which all was scaled, last
   double scaled_by_ = 1.0;          ///< since it began
   bool seeks_ = true;
+
+  SteadyMotion motion_;   ///< while it is open
+  bool changed_ = false;  ///< the velocity, as take_moving() has found
+  double ahead_s_ = 0.0;  ///< of ahead_m_
+  Linear next_;           ///< for the sample that is being taken
+  mutable Terms next_terms_N_ = Terms::Zero();
+  std::array<Linear, kMaxSamplesHeld> linear_{};  ///< by slot
 };
 
 }  // namespace forcegrid::kriging

@@ -263,6 +263,67 @@ TEST(MovedField, LearnsThatASlideIsSteady) {
   EXPECT_LT(turn_m_per_s(30), 0.55 * turn_m_per_s(6));
 }
 
+// A tool that pokes at 10 Hz while the object slides into what it knows nothing of: each error of
+// the shift would be learned as a force. Later it is known to tens of micrometres where it is.
+TEST(MovedField, KnowsHowFarASlideHasGoneIntoTheUnknown) {
+  Scene scene;
+  MovedField field(settings());
+  constexpr double kSlow_s = 0.1;
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> deep_m(0.002, 0.010);
+  Vector3d at_m = Vector3d::Zero();
+  double time_s = 0.0;
+  const auto poke = [&](int samples) {
+    for (int i = 0; i < samples; ++i) {
+      time_s += kSlow_s;
+      scene.moved_m = std::clamp(time_s - 6.0, 0.0, 3.0) * Vector3d(2.7e-3, -1.7e-3, 0.0);
+      if (i % 4 == 0) {
+        at_m = {0.2 * deep_m(random), -0.2 * deep_m(random), deep_m(random)};
+      }
+      field.take(scene.at(time_s, at_m));
+    }
+  };
+  poke(100);
+  EXPECT_LT((field.shift_m() - scene.moved_m).norm(), 0.1e-3) << "of 9.6 mm, seed " << kSeed;
+  double squares_N2 = 0.0;
+  for (int i = 0; i < 100; ++i) {
+    const Vector3d place_m(0.2 * deep_m(random), -0.2 * deep_m(random), deep_m(random));
+    const Vector3d error_N = field.read(place_m, History::Zero()).force_N - scene.force_N(place_m);
+    squares_N2 += error_N.squaredNorm() / 100.0;
+  }
+  EXPECT_LT(std::sqrt(squares_N2), 0.05) << "seed " << kSeed;
+}
+
+// An object that turns back: the velocity is not what it was, and what was learned before stays.
+TEST(MovedField, FollowsAnObjectThatTurnsBack) {
+  Scene scene;
+  MovedField field(settings());
+  scene.teach(field);
+  const Vector3d velocity_m_per_s(3e-3, -2e-3, 0.0);
+  for (int i = 1; i <= 90; ++i) {
+    scene.moved_m += kPeriod_s * (i <= 45 ? 1.0 : -1.0) * velocity_m_per_s;
+    field.take(scene.next());
+  }
+  EXPECT_LT((field.velocity_m_per_s() + velocity_m_per_s).norm(), 0.1 * velocity_m_per_s.norm());
+  EXPECT_LT((field.shift_m() - scene.moved_m).norm(), 0.1e-3);
+  EXPECT_LT(largest_error_N(field, scene, 1), 0.02);
+}
+
+// Cut while it slides: the motion goes on.
+TEST(MovedField, KnowsAWeakerObjectThatSlides) {
+  Scene scene;
+  MovedField field(settings());
+  scene.teach(field);
+  const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.0);
+  for (int i = 1; i <= 60; ++i) {
+    scene.moved_m += kPeriod_s * velocity_m_per_s;
+    scene.strength = i > 40 ? 0.5 : 1.0;
+    field.take(scene.next());
+  }
+  EXPECT_NEAR(field.strength(), 0.5, 0.02);
+  EXPECT_LT(largest_error_N(field, scene, 1), 0.02);
+}
+
 TEST(MovedField, ComesToRestWithTheObject) {
   Scene scene;
   MovedField field(settings());
