@@ -96,7 +96,7 @@ view: $(FOR_VIEW) $(MADE_SCENE)
 
 # Live tests that fail while the machine stands still run again; the end names them.
 test: build-tests
-	ctest --test-dir build/release -j5 --output-on-failure
+	ctest --test-dir build/release -j6 --output-on-failure
 	@grep -aE '^(AGAIN:|[0-9]+/[0-9]+ Testing: )' build/release/Testing/Temporary/LastTest.log | \
 	  grep -a -B1 '^AGAIN:' || true
 

@@ -128,6 +128,9 @@ endfunction()
 # All tests labelled unit that are configured.
 add_custom_target(forcegrid_unit_tests)
 
+# [s] All tests with a deadline together.
+set(FORCEGRID_DEADLINES_COST 250)
+
 # forcegrid_test(NAME LABELS unit|rt|emulator... SOURCES ... LIBS ... [SERIAL] [ALONE] [LIVE] [SINGLE_THREADED] [TIMEOUT s])
 # SERIAL: the test keeps deadlines; no other such test runs beside it.
 # ALONE: no test at all runs beside it.
@@ -163,8 +166,13 @@ function(forcegrid_test name)
   if("unit" IN_LIST arg_LABELS)
     add_dependencies(forcegrid_unit_tests ${name})
   endif()
-  # ctest begins with what may take longest; otherwise that would be alone at the end.
-  set(properties LABELS "${arg_LABELS}" COST ${arg_TIMEOUT})
+  # ctest begins with what may take longest, and those of which only one may run at a time are one
+  # long test; otherwise that would be alone at the end.
+  set(cost ${arg_TIMEOUT})
+  if(arg_SERIAL)
+    math(EXPR cost "${cost} + ${FORCEGRID_DEADLINES_COST}")
+  endif()
+  set(properties LABELS "${arg_LABELS}" COST ${cost})
   if(arg_SERIAL)
     list(APPEND properties RESOURCE_LOCK deadlines)
   endif()
