@@ -221,15 +221,22 @@ void MovedField::solve_weights() noexcept {
   factor_.solve_transposed(alpha_.data());
 }
 
+// To the mean of the next sample's force, whose covariances with the rows are solved in `x`.
+// @returns how that force depends on what is unknown of the motion.
+SteadyMotion::Columns MovedField::add_motion(const Factor::Columns& x,
+                                             Vector3d& mean_N) const noexcept {
+  const Terms left_N = next_terms_N_ - factor_.more_means(x);
+  mean_N -= left_N * motion_.factors();
+  return left_N.leftCols<SteadyMotion::kUnknowns>();
+}
+
 void MovedField::add_features(const Vector3d& /*p*/, const Vector3d& /*origin_W*/,
                               const typename Factor::Columns& x, Vector3d& mean_N,
                               Matrix3d& covariance_N2) const noexcept {
   if (!open_) {
     return;
   }
-  const Terms left_N = next_terms_N_ - factor_.more_means(x);
-  const auto motion_N = left_N.leftCols<SteadyMotion::kUnknowns>();
-  mean_N -= left_N * motion_.factors();
+  const SteadyMotion::Columns motion_N = add_motion(x, mean_N);
   // Its own uncertainty is absolute, not to be scaled by the data's spread.
   covariance_N2 += motion_N * motion_.covariance() * motion_N.transpose() / data_scale();
 }
@@ -255,9 +262,7 @@ MovedField::Prediction MovedField::predict(const Observation& own) noexcept {
   prediction.mean_N = factor_.template mean<3>(x_);
   if (open_) {
     next_terms_N_ = motion_.terms(next_.time_s, prediction.slope_N_per_m, next_.eta);
-    const Terms left_N = next_terms_N_ - factor_.more_means(x_);
-    prediction.motion_N = left_N.leftCols<SteadyMotion::kUnknowns>();
-    prediction.mean_N -= left_N * motion_.factors();
+    prediction.motion_N = add_motion(x_, prediction.mean_N);
   }
   prediction.error_N = own.force_N - prediction.mean_N;
   prediction.variance_N2 =

@@ -42,7 +42,8 @@ namespace forcegrid::kriging {
 /// (scale_earlier_contacts()). begin_with() factorises that.
 ///
 /// Positions are relative to the contact point, and d is as well. Failure: turns; a part of an
-/// object that moves against the rest; one that recovers, which f then learns anew.
+/// object that moves against the rest; one that recovers, which f then learns anew; noise that
+/// hides from each single sample that a slow object has come to rest.
 /// Cost: as DictionaryField; while it is open twice as much, and a factorisation where a motion
 /// begins or ends. Real-time: as Field. Threads: one.
 /// Source: Jazwinski, Stochastic Processes and Filtering Theory (1970), section 8.3, for the
@@ -134,6 +135,8 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
   void add_features(const Eigen::Vector3d& p, const Eigen::Vector3d& origin_W,
                     const typename Factor::Columns& x, Eigen::Vector3d& mean_N,
                     Eigen::Matrix3d& covariance_N2) const noexcept override;
+  SteadyMotion::Columns add_motion(const Factor::Columns& x,
+                                   Eigen::Vector3d& mean_N) const noexcept;
   double explained_squares() const noexcept override {
     return open_ ? motion_.explained_squares() : 0.0;
   }
