@@ -388,6 +388,7 @@ LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed
   setup.network.stiffness = stiffness;
   setup.virtual_damping_N_s_per_m = cell.virtual_damping_N_s_per_m;
   setup.seed = seed;
+  setup.longest_settling_s = kLongestSettling_s;
   if (cell.guard) {
     setup.passivity.mode = servo::PassivityMode::kControl;
   }
@@ -395,6 +396,7 @@ LoopSetup setup_of(const StabilityCase& cell, bool stiffness, std::uint64_t seed
     setup.device.position_step_m = 0.0;
     setup.device.max_force_N = std::numeric_limits<double>::infinity();
     setup.hold_s = kLinearHold_s;
+    setup.longest_settling_s = 0.0;
   } else if (cell.device == device::kFriction) {
     setup.device.coulomb_friction_N = 0.1;
   }

@@ -59,8 +59,10 @@ struct StabilityCase {
 };
 
 /// [s] LoopSetup::hold_s of cells on the linear device, because oscillations decay slowly near its
-/// stability boundary.
+/// stability boundary. They have no further windows.
 inline constexpr double kLinearHold_s = 60.0;
+/// [s] LoopSetup::longest_settling_s of the others.
+inline constexpr double kLongestSettling_s = 16.0;
 
 /// [s] In second_contact, errors count from this time on, after the hand has touched the wall. No
 /// method can predict the first touch of an unknown wall.

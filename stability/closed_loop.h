@@ -55,6 +55,9 @@ struct LoopSetup {
   double virtual_damping_N_s_per_m = 0.0;  ///< B, added by the servo from the last two positions
   /// [s] Time that the hand keeps still; longer for boundaries at which oscillations decay slowly.
   double hold_s = 4.0;
+  /// [s] Further rest of a tool that is not still after hold_s, as long as it moves less and less.
+  /// Errors and rattle do not count it.
+  double longest_settling_s = 0.0;
   double errors_from_s = 1.0;  ///< force errors are counted from here on
   int fill_budget = 1000;      ///< of ForceMethod::work() per cycle
   std::uint64_t seed = 1;
@@ -71,7 +74,8 @@ const char* to_string(Behaviour behaviour) noexcept;
 
 struct LoopResult {
   Behaviour behaviour = Behaviour::kStable;
-  /// [m] largest peak-to-peak motion of any axis in the last 2 s; NaN after a divergence.
+  /// [m] largest peak-to-peak motion of any axis in the last 2 s, further windows included; NaN
+  /// after a divergence.
   double hold_peak_to_peak_m = 0.0;
   /// RMS of |F - F_o| in % of the RMS of |F_o| from errors_from_s on. F_o is the object's force at
   /// the tool position that the servo measured. NaN if there is no force.
@@ -105,8 +109,10 @@ struct LoopResult {
 
 /// The standard run and its stability criterion. The hand moves for 6 s and then keeps still for 4
 /// s (LoopSetup::hold_s). The loop is stable if the tool never leaves the hand's target by more
-/// than kDivergence_m and every axis stays below kSettled_m peak to peak in the last 2 s. Source:
-/// the method study's criterion.
+/// than kDivergence_m and every axis stays below kSettled_m peak to peak in the last 2 s. A tool
+/// that moves more gets further windows of 2 s, up to LoopSetup::longest_settling_s, until one is
+/// below kSettled_m or two in a row are not below the smallest before. Source: the method study's
+/// criterion, which has no further windows.
 struct StatedRun {
   static constexpr double kMotion_s = 6.0;
   static constexpr double kJudged_s = 2.0;

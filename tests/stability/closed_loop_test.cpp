@@ -74,6 +74,48 @@ TEST(ClosedLoop, ExactForceIsStableUpToTheEigenvalueLimit) {
   EXPECT_GE(compared, 7);
 }
 
+TEST(ClosedLoop, WhatStillDecaysAfterTheStatedRestIsStable) {
+  // A bare device loses an oscillation with 2 m / (b (1 - K / K_0)), 8 s at 0.95 of its limit.
+  LoopSetup setup = linear_setup("none", 500.0, "ideal");
+  setup.hold_s = 4.0;
+  const double expected =
+      eigenvalue_limit_N_per_m(sampled_spring(setup.device, setup.hand, 0.002, 0.0));
+  EXPECT_EQ(run(setup, 0.95 * expected, "exact").behaviour, Behaviour::kLimitCycle);
+  setup.longest_settling_s = 16.0;
+  const LoopResult below = run(setup, 0.95 * expected, "exact");
+  EXPECT_EQ(below.behaviour, Behaviour::kStable);
+  EXPECT_LT(below.hold_peak_to_peak_m, StatedRun::kSettled_m);
+  EXPECT_GT(below.end_s, 10.0);
+  const LoopResult above = run(setup, 1.01 * expected, "exact");
+  EXPECT_NE(above.behaviour, Behaviour::kStable);
+  EXPECT_LT(above.end_s, 20.0) << "two windows that are not less should end it";
+}
+
+TEST(ClosedLoop, FurtherRestCountsInNoError) {
+  LoopSetup setup;
+  setup.hand = hand_of("none");
+  constexpr double kStiffness_N_per_m = 270.0;  // just below the limit of the exact force
+  const LoopResult stated = run(setup, kStiffness_N_per_m, "rls");
+  setup.longest_settling_s = 16.0;
+  const LoopResult longer = run(setup, kStiffness_N_per_m, "rls");
+  EXPECT_GT(longer.end_s, stated.end_s);
+  EXPECT_GT(stated.force_error_percent, 0.0);
+  EXPECT_GT(stated.rattle_N, 0.0);
+  EXPECT_EQ(stated.force_error_percent, longer.force_error_percent);
+  EXPECT_EQ(stated.rattle_N, longer.rattle_N);
+}
+
+TEST(OpenLoop, CountsErrorsToTheEndOfAnyMotion) {
+  LoopSetup setup;
+  setup.errors_from_s = 19.0;  // of 20; the stated run has ended by then
+  LinearObject object(200.0, setup.contact_point_W);
+  const auto made = make_force_method("hold", {});
+  const LoopResult result =
+      run_open_loop(setup, evaluation::Trajectory("lissajous"), object, made.get());
+  EXPECT_GT(result.reference_rms_N, 0.1);
+  EXPECT_GT(result.force_error_percent, 1.0);
+}
+
 TEST(ClosedLoop, HoldIsStableUpToTheEigenvalueLimit) {
   for (const char* hand : {"light", "firm", "arm"}) {
     for (const auto& [rate_Hz, delay_s] :
