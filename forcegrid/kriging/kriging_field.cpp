@@ -142,21 +142,17 @@ void DictionaryField<Real, N, M, K>::remove_sample(int slot) noexcept {
   }
 }
 
-// Inflates the noise of the samples that the surprise contradicts.
-// @returns the variance added at the observation's place.
+// Inflates the noise of the samples that a surprise contradicts.
 template <typename Real, int N, int M, int K>
-double DictionaryField<Real, N, M, K>::doubt_samples(const Observation& observation,
-                                                     const Eigen::Vector3d& error_N,
-                                                     double normalised) noexcept {
-  const double doubt_N2 = error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / normalised);
+void DictionaryField<Real, N, M, K>::doubt_samples(const Eigen::Vector3d& around_m,
+                                                   double doubt_N2) noexcept {
   const double reach_m = settings_.doubt_reach_m();
   for (Stored& s : stored_) {
     if (s.used) {
-      const double d2 = (s.position_m - observation.position_m).squaredNorm();
+      const double d2 = (s.position_m - around_m).squaredNorm();
       s.doubt_N2 += doubt_N2 * std::exp(-0.5 * d2 / (reach_m * reach_m));
     }
   }
-  return doubt_N2;
 }
 
 template <typename Real, int N, int M, int K>

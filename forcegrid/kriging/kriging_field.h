@@ -423,16 +423,24 @@ class DictionaryField : public Field {
     static_cast<void>(innovation);
     return false;
   }
-  /// The rest of take(). Samples are doubted unless `innovation` is explained; then the factor is
-  /// in order, else it may be stale.
+  /// The rest of take(). Unless `innovation` is explained, samples are doubted, or the answer to a
+  /// query: those of the tool's path tell more of where the tool is. If it is explained, the factor
+  /// is in order, else it may be stale.
   void finish_surprise(const Observation& observation, const Eigen::Vector3d& error_N,
                        Innovation& innovation) noexcept {
-    bool fresh_needed = takes_since_factorisation_ >= kTakesBetweenFactorisations;
-    if (!innovation.explained) {
-      innovation.doubt_N2 = doubt_samples(observation, error_N, innovation.normalised);
-      fresh_needed = true;
+    if (innovation.explained) {
+      add(observation, true, true, takes_since_factorisation_ >= kTakesBetweenFactorisations);
+      return;
     }
-    add(observation, innovation.explained, true, fresh_needed);
+    innovation.doubt_N2 =
+        error_N.squaredNorm() / 3.0 * (1.0 - settings_.surprise / innovation.normalised);
+    Observation taken = observation;
+    if (observation.from_query) {
+      taken.noise_N2 += static_cast<float>(innovation.doubt_N2);
+    } else {
+      doubt_samples(observation.position_m, innovation.doubt_N2);
+    }
+    add(taken, false, true, true);
   }
   /// A sample that features depend on is the last to be removed.
   virtual bool features_need(int slot) const noexcept {
@@ -525,8 +533,7 @@ class DictionaryField : public Field {
     blocks_[static_cast<std::size_t>(block_count_ + blocks_due_++)] = {
         static_cast<std::int16_t>(slot), stiffness};
   }
-  double doubt_samples(const Observation& observation, const Eigen::Vector3d& error_N,
-                       double normalised) noexcept;
+  void doubt_samples(const Eigen::Vector3d& around_m, double doubt_N2) noexcept;
   int place(const Observation& observation) noexcept;
   void add(const Observation& observation, bool explained, bool stale, bool fresh_needed) noexcept;
   void begin_contact(std::uint64_t contact) noexcept;

@@ -505,6 +505,27 @@ TEST(DictionaryField, ForgetsACutAfterASurprise) {
   }
 }
 
+// An answer from beyond a surface that the tool has not met yet: it contradicts the path, but where
+// the tool is the path knows better.
+TEST(DictionaryField, DoubtsAnAnswerRatherThanThePathThatItContradicts) {
+  const Matrix3d j = -200.0 * Matrix3d::Identity();
+  const auto error_N = [&](bool from_query) {
+    Plain field{FieldSettings{}};
+    Vector3d tool_m = Vector3d::Zero();
+    for (int i = 0; i < 20; ++i) {
+      tool_m = Vector3d(0.5e-3 * i, 2e-3 * std::sin(0.5 * i), 0.0);
+      field.take(observe(tool_m, j * tool_m));
+    }
+    const Vector3d beside_m = tool_m + Vector3d(0.0, 6e-3, 0.0);
+    Observation o = observe(beside_m, j * beside_m + Vector3d(0.0, -3.0, 0.0));
+    o.from_query = from_query;
+    EXPECT_TRUE(field.take(o).surprised);
+    return (force_N(field, tool_m) - j * tool_m).norm();
+  };
+  EXPECT_LT(error_N(true), 0.005);
+  EXPECT_GT(error_N(false), 0.05) << "a sample of the path would say that the object has changed";
+}
+
 TEST(DictionaryField, IsNotSurprisedByAStiffObject) {
   const Matrix3d j = -3000.0 * Matrix3d::Identity();
   Plain field{FieldSettings{}};
