@@ -18,14 +18,16 @@ namespace forcegrid::kriging {
 /// tool|^2 / (2 (12 mm)^2)) is asked. Before an expected contact it is the first of thirteen fixed
 /// displacements from the contact point where the field knows too little.
 ///
-/// No point is asked where the deviation is at most kAsk_N, nor within 3 mm and 0.3 s of another.
+/// No point is asked where the deviation is at most kAsk_N (before contact kAskBefore_N), nor within
+/// 3 mm and 0.3 s of another.
 /// See docs/kriging.md, "Uncertainty, status, requests".
 /// Cost: four deviations per call in contact, at most thirteen before. Real-time: nothing
 /// allocates, locks or throws.
 class FieldRequests {
  public:
   /// [N] From this deviation on, a request is worth its cost.
-  static constexpr double kAsk_N = 0.1;
+  static constexpr double kAsk_N = 0.05;
+  static constexpr double kAskBefore_N = 0.1;  ///< the same before contact
   static constexpr double kAskAgain_s = 0.3;
   static constexpr double kAskApart_m = 0.003;
   static constexpr double kReach_m = 0.012;     ///< within which points matter
@@ -79,7 +81,7 @@ class FieldRequests {
     for (const auto& displacement_m : kBeforeContact_m) {
       const Eigen::Vector3d d(displacement_m);
       const Eigen::Vector3d point_W = origin_W + d;
-      if (!asked_lately(time_s, point_W) && deviation_at_N(d) > kAsk_N) {
+      if (!asked_lately(time_s, point_W) && deviation_at_N(d) > kAskBefore_N) {
         wanted_W = point_W;
         note_asked(time_s, wanted_W);
         return true;

@@ -11,13 +11,14 @@ namespace {
 using Eigen::Vector3d;
 
 double unknown_N(const Vector3d& /*position_W*/) { return 1.0; }
-double known_N(const Vector3d& /*position_W*/) { return 0.1; }
+double known_N(const Vector3d& /*position_W*/) { return FieldRequests::kAsk_N; }
+double known_before_N(const Vector3d& /*position_W*/) { return FieldRequests::kAskBefore_N; }
 
 TEST(FieldRequests, AskNothingWhereTheFieldKnowsEnough) {
   FieldRequests requests;
   Vector3d wanted_W = Vector3d::Ones();
   EXPECT_FALSE(requests.plan(0.0, Vector3d::Zero(), Vector3d::Zero(), {}, known_N, wanted_W));
-  EXPECT_FALSE(requests.plan_before_contact(0.0, Vector3d::Zero(), known_N, wanted_W));
+  EXPECT_FALSE(requests.plan_before_contact(0.0, Vector3d::Zero(), known_before_N, wanted_W));
   EXPECT_EQ(wanted_W, Vector3d::Ones());
 }
 
