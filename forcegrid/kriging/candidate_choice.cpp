@@ -40,8 +40,22 @@ void CandidateChoice::score(const EvaluatedSample& sample, std::size_t rendered)
     }
     candidate.on_evaluated({errors_N2.data(), count}, i);
   }
+  score_known_place(sample);
   weigh(sample);
   first_touch_scored_ = first_touch_scored_ || sample.first_touch;
+}
+
+// A place that a deviation says is known may be that of an object which changed since.
+void CandidateChoice::score_known_place(const EvaluatedSample& sample) noexcept {
+  if (!place_known_ || !sample.first_touch) {
+    return;
+  }
+  const double places_N2 = sample.error_N2[candidates_.places];
+  const double exact_N2 = sample.error_N2[0];
+  if (places_N2 != EvaluatedSample::kNotTaken_N2 && exact_N2 != EvaluatedSample::kNotTaken_N2) {
+    known_place_N2_ = averaged(thresholds_.long_score_kept, known_place_N2_, places_N2);
+    known_place_exact_N2_ = averaged(thresholds_.long_score_kept, known_place_exact_N2_, exact_N2);
+  }
 }
 
 Peers CandidateChoice::peers() const noexcept {
@@ -195,6 +209,7 @@ std::size_t CandidateChoice::runner_up(std::size_t rendered) const noexcept {
 
 CandidateChoice::Choice CandidateChoice::for_contact(int answers_before, bool origin_known,
                                                      std::size_t rendered) noexcept {
+  place_known_ = false;
   // A candidate that slept at some first touches was averaged over fewer of them, from zero: as if
   // it had erred less.
   const auto weight_of = [this](const Candidate& candidate) {
@@ -265,6 +280,10 @@ bool CandidateChoice::place_is_known(std::size_t rendered) noexcept {
   if (places.field().sample_count() == 0 || places.score_N2 > thresholds_.no_worse * least_N2 ||
       !(places.field().deviation_N(thresholds_.probe_m, History::Zero()) <
         thresholds_.known_place_N)) {
+    return false;
+  }
+  place_known_ = true;
+  if (known_place_N2_ > thresholds_.no_worse * known_place_exact_N2_) {
     return false;
   }
   places.score_N2 = least_N2 / places.weight();

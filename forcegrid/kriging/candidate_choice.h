@@ -91,7 +91,7 @@ class CandidateChoice {
   Choice for_contact(int answers_before, bool origin_known, std::size_t rendered) noexcept;
   /// Whether `places` knows the present place, by its field as it is now, and is no worse than the
   /// best of the others; adapts its score then. Not while `moved` has found that the object is not
-  /// as it was. Needs Candidates::places.
+  /// as it was, nor if it erred more than "exact" at places that it knew. Needs Candidates::places.
   bool place_is_known(std::size_t rendered) noexcept;
   /// Whether the simulator's stiffness shows that `places`, which is rendered, does not know the
   /// place: that it would err by known_place_N at probe_m. It counts as its error then.
@@ -99,9 +99,15 @@ class CandidateChoice {
   /// Whether `memory` knows the force at `ahead_m` so much better than the rendered candidate that
   /// it takes over; adapts its score then. Needs Candidates::memory.
   bool memory_takes_over(const Eigen::Vector3d& ahead_m, std::size_t rendered) noexcept;
-  /// Whether a candidate that alone explains a sample takes over at once.
-  bool trusts(const Candidate& explaining, std::size_t rendered) const noexcept {
-    return thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
+  /// Whether a candidate that alone explains a sample takes over at once. @param error_N2 of the
+  /// rendered one.
+  bool trusts(const Candidate& explaining, std::size_t rendered, double error_N2) const noexcept {
+    // `moved` follows what rests by its filter, and errs less than others without any reason.
+    const bool is_small = rendered == candidates_.moved &&
+                          error_N2 != EvaluatedSample::kNotTaken_N2 &&
+                          explaining.score_N2 < thresholds_.wall_small_share * error_N2;
+    return is_small ||
+           thresholds_.wall_trusted * explaining.score_N2 < candidates_.all[rendered]->score_N2;
   }
   Peers peers() const noexcept;
 
@@ -109,6 +115,7 @@ class CandidateChoice {
   void remember_refuted_walls() noexcept;
   double least_score_N2() const noexcept;
   void weigh(const EvaluatedSample& sample) noexcept;
+  void score_known_place(const EvaluatedSample& sample) noexcept;
   bool is_good_enough(std::size_t index) const noexcept;
   std::size_t with_less_noise(std::size_t rendered) const noexcept;
   bool is_lucky(std::size_t index, std::size_t rendered) const noexcept;
@@ -117,6 +124,9 @@ class CandidateChoice {
   const EnsembleThresholds& thresholds_;
   std::uint64_t long_scored_ = 0;
   bool first_touch_scored_ = false;
+  bool place_known_ = false;           ///< by its deviation, of the present contact
+  double known_place_N2_ = 0.0;        ///< score of `places` at first touches of such contacts
+  double known_place_exact_N2_ = 0.0;  ///< that of "exact" there
 };
 
 }  // namespace forcegrid::kriging

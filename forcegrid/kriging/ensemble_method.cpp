@@ -313,7 +313,7 @@ void EnsembleMethod::taken(std::size_t index, std::uint64_t number,
     if (index == rendered_) {
       reason_ = candidate.claim_reason();
       claimed_at_ = number;
-    } else if (needed && choice_.trusts(candidate, rendered_)) {
+    } else if (needed && choice_.trusts(candidate, rendered_, entry.error_N2[rendered_])) {
       // Nobody was wrong so far: whose score is less by luck must not take over from it.
       candidate.score_N2 = std::min(candidate.score_N2, rendered_candidate().score_N2);
       hand_over(index, candidate.claim_reason());

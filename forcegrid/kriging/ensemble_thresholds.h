@@ -97,6 +97,9 @@ struct EnsembleThresholds {
   /// A candidate that explains a surprise takes over at once if this share of its previous score
   /// was below the rendered one's. [wake]
   double wall_trusted = 0.09;
+  /// Or, if that is `moved`, if its score is less than this share of the squared error that it
+  /// explains.
+  double wall_small_share = 0.01;
 
   // The same object, moved or weaker: `moved`.
 

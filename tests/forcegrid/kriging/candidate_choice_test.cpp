@@ -295,6 +295,39 @@ TEST_F(CandidateChoiceTest, KnowsNoPlaceOfAnObjectThatGotWeakerSince) {
   EXPECT_NE(choice_.for_contact(0, true, moved).reason, ChoiceReason::kKnownPlace);
 }
 
+TEST_F(CandidateChoiceTest, KnowsNoPlaceAfterItErredMoreAtKnownOnes) {
+  const std::size_t places = index("places");
+  press(candidates_.all[places]->field(), 100.0, 20);
+  const auto touch = [&](double exact_N2, double places_N2, int samples) {
+    EvaluatedSample first = sample(exact_N2, places, places_N2);
+    first.first_touch = true;
+    for (int i = 0; i < samples; ++i) {
+      choice_.score(first, 0);
+    }
+  };
+  touch(1.0, 1.0, 100);  // so far all erred alike, by so much that a few more samples count little
+  EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
+  touch(1e-4, 1e-4, 3);
+  EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
+  touch(1e-4, 1e-2, 3);
+  EXPECT_NE(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
+  touch(1e-2, 1e-4, 3);  // it is asked all the same
+  EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
+}
+
+TEST_F(CandidateChoiceTest, TrustsASurfaceWhateverLittleMovedErred) {
+  const std::size_t moved = index("moved");
+  Candidate& walls = *candidates_.all[index("walls")];
+  walls.score_N2 = 4e-3 * 4e-3;
+  candidates_.all[0]->score_N2 = candidates_.all[moved]->score_N2 = 1e-3 * 1e-3;
+  EXPECT_TRUE(choice_.trusts(walls, moved, 80e-3 * 80e-3));
+  EXPECT_FALSE(choice_.trusts(walls, moved, 30e-3 * 30e-3)) << "not much more than it errs itself";
+  EXPECT_FALSE(choice_.trusts(walls, moved, EvaluatedSample::kNotTaken_N2));
+  EXPECT_FALSE(choice_.trusts(walls, 0, 80e-3 * 80e-3));
+  candidates_.all[0]->score_N2 = 2e-3 * 2e-3;
+  EXPECT_TRUE(choice_.trusts(walls, 0, 80e-3 * 80e-3));
+}
+
 // 4 mm from the contact point 26 N/m make 0.104 N.
 TEST_F(CandidateChoiceTest, KnowsNoPlaceWhoseStiffnessIsAnother) {
   Candidate& places = *candidates_.all[index("places")];
@@ -464,9 +497,9 @@ TEST_F(CandidateChoiceTest, TrustsAnExplanationUnlessItsScoreIsBadByFar) {
   Candidate& walls = *candidates_.all[index("walls")];
   candidates_.all[0]->score_N2 = 1.0;
   walls.score_N2 = 11.0;
-  EXPECT_TRUE(choice_.trusts(walls, 0));
+  EXPECT_TRUE(choice_.trusts(walls, 0, 100.0));
   walls.score_N2 = 11.2;
-  EXPECT_FALSE(choice_.trusts(walls, 0));
+  EXPECT_FALSE(choice_.trusts(walls, 0, 100.0));
 }
 
 TEST_F(CandidateChoiceTest, NamesItsCandidatesInAFixedOrder) {
