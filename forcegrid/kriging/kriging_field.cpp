@@ -96,7 +96,7 @@ void DictionaryField<Real, N, M, K>::append_force(int slot, bool solved) noexcep
   }
   Eigen::Matrix3d own =
       settings_.kernel.force_force(s.position_m, s.history, s.position_m, s.history);
-  const double share = fits_closely_ ? settings_.fitted_share : 1.0;
+  const double share = s.close ? settings_.fitted_share : 1.0;
   const double noise_N2 = share * settings_.nugget_N2 / s.count;
   own.diagonal().array() += noise_N2 + s.doubt_N2;
   factor_.template append<3>(x_, own, s.force_N, 0.5 * noise_N2);
@@ -363,7 +363,7 @@ int DictionaryField<Real, N, M, K>::place(const Observation& o) noexcept {
   stored_[static_cast<std::size_t>(slot)] = {
       o.position_m,        o.force_N,  o.position_m, o.force_N,     o.history,
       o.stiffness_N_per_m, o.noise_N2, 1.0,          next_order_++, o.from_query,
-      o.contact,           o.origin_W, true};
+      o.contact,           o.origin_W, true,         fits_closely_};
   if constexpr (K > 0) {
     terms_N_[static_cast<std::size_t>(slot)] = terms_of(o, slot);
   }

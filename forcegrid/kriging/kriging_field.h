@@ -91,7 +91,7 @@ struct Innovation {
   bool explained = false;  ///< by a one-sided constraint that was found, not by doubt
   /// It is not known yet whether it can be explained: prepare() goes on, then taken() tells.
   bool unfinished = false;
-  double doubt_N2 = 0.0;  ///< variance that was added to samples there
+  double doubt_N2 = 0.0;  ///< variance added to samples there, or to this answer
   double scale = 1.0;     ///< factor that the forces of earlier contacts were multiplied by
 };
 
@@ -202,8 +202,8 @@ class Field {
 /// Closeness. The simulator's forces have less noise than is safe to assume: where few samples, or
 /// samples that the prior hardly expects, are fitted too closely, the field swings beyond them. So
 /// the fit assumes settings().fitted_share of the nugget only while it has 24 samples and s2
-/// (below) is small: it begins to below 0.5, 64 takes after the last factorisation at the earliest,
-/// and ends above 0.75. Surprises are judged by the whole nugget.
+/// (below) is small: below 0.5, 64 takes after the last factorisation at the earliest, for each
+/// sample that comes, and above 0.75 for none any more. Surprises are judged by the whole nugget.
 ///
 /// Dictionary. The newest sample is always in, but transient. When the next one comes, it stays if
 /// it is apart from all others (SampleSpacing), replaces the nearest if that was doubted more or if
@@ -362,6 +362,7 @@ class DictionaryField : public Field {
     std::uint64_t contact = 0;
     Eigen::Vector3d origin_W;
     bool used = false;
+    bool close = false;  ///< taken by a close fit: its variance is fitted_share of that
   };
   /// Consecutive rows of the factor: a sample's force (3) or stiffness (6).
   struct Block {
@@ -463,8 +464,10 @@ class DictionaryField : public Field {
                         takes_since_factorisation_ >= kTakesBeforeClose;
     if (fits_closely_ ? ends : begins) {
       fits_closely_ = !fits_closely_;
-      // The sample that comes makes the factor anew.
-      takes_since_factorisation_ = kTakesBetweenFactorisations;
+      if (!fits_closely_) {
+        // The sample that comes makes the factor anew. A fit becomes close sample by sample.
+        takes_since_factorisation_ = kTakesBetweenFactorisations;
+      }
     }
   }
   /// Of the rows just appended.
@@ -493,6 +496,9 @@ class DictionaryField : public Field {
   }
   /// The factor begins anew; its blocks are appended one by one.
   void begin_factor() noexcept {
+    for (Stored& stored : stored_) {
+      stored.close = fits_closely_;
+    }
     blocks_due_ += block_count_;
     block_count_ = 0;
     factor_.clear();
