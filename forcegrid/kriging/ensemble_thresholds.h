@@ -98,7 +98,7 @@ struct EnsembleThresholds {
   /// was below the rendered one's. [wake]
   double wall_trusted = 0.09;
   /// Or, if that is `moved`, if its score is less than this share of the squared error that it
-  /// explains.
+  /// explains. [wake]
   double wall_small_share = 0.01;
 
   // The same object, moved or weaker: `moved`.

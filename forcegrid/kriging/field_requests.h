@@ -18,8 +18,8 @@ namespace forcegrid::kriging {
 /// tool|^2 / (2 (12 mm)^2)) is asked. Before an expected contact it is the first of thirteen fixed
 /// displacements from the contact point where the field knows too little.
 ///
-/// No point is asked where the deviation is at most kAsk_N (before contact kAskBefore_N), nor within
-/// 3 mm and 0.3 s of another.
+/// No point is asked where the deviation is at most kAsk_N, before contact kAskBefore_N, nor
+/// within 3 mm and 0.3 s of another.
 /// See docs/kriging.md, "Uncertainty, status, requests".
 /// Cost: four deviations per call in contact, at most thirteen before. Real-time: nothing
 /// allocates, locks or throws.
