@@ -51,7 +51,7 @@ void CandidateChoice::score_known_place(const EvaluatedSample& sample) noexcept 
     return;
   }
   const double places_N2 = sample.error_N2[candidates_.places];
-  const double exact_N2 = sample.error_N2[0];
+  const double exact_N2 = sample.error_N2[0];  // `auto` begins with it
   if (places_N2 != EvaluatedSample::kNotTaken_N2 && exact_N2 != EvaluatedSample::kNotTaken_N2) {
     known_place_N2_ = averaged(thresholds_.long_score_kept, known_place_N2_, places_N2);
     known_place_exact_N2_ = averaged(thresholds_.long_score_kept, known_place_exact_N2_, exact_N2);

@@ -26,13 +26,12 @@ Innovation StoreField::take(const Observation& observation) noexcept {
     if (std::abs(innovation.scale - 1.0) > kLeastScaleChange) {
       store_->scale_other_contacts(observation.contact, innovation.scale);
     }
-    if (innovation.surprised && observation.from_query) {
-      return innovation;  // what contradicts the path is not kept
-    }
-    if (innovation.surprised) {
+    if (innovation.surprised && !observation.from_query) {
       store_->doubt(observation.position_m, innovation.doubt_N2, settings().doubt_reach_m());
     }
-    store_->admit(observation);
+    if (!innovation.surprised || !observation.from_query) {  // no answer against the path is kept
+      store_->admit(observation);
+    }
   }
   return innovation;
 }

@@ -315,7 +315,7 @@ TEST_F(CandidateChoiceTest, KnowsNoPlaceAfterItErredMoreAtKnownOnes) {
   EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
 }
 
-TEST_F(CandidateChoiceTest, TrustsASurfaceWhateverLittleMovedErred) {
+TEST_F(CandidateChoiceTest, TrustsASurfaceHoweverLittleMovedErred) {
   const std::size_t moved = index("moved");
   Candidate& walls = *candidates_.all[index("walls")];
   walls.score_N2 = 4e-3 * 4e-3;
