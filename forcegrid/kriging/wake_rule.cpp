@@ -125,11 +125,12 @@ void WakeRule::restart_sums() noexcept {
 }
 
 void WakeRule::evaluated(const EvaluatedSample& sample) noexcept {
-  // At first touches `places` helps, which wakes by itself.
-  if (!enabled_ || sample.first_touch || rendered_ == candidates_.places) {
+  const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
+  // Where a first touch is not known well `places` helps, which wakes by itself.
+  const bool unknown = sample.first_touch && !(sample.error_N2[rendered_] <= good_enough_N2);
+  if (!enabled_ || unknown || rendered_ == candidates_.places) {
     return;
   }
-  const double good_enough_N2 = thresholds_.good_enough_N * thresholds_.good_enough_N;
   const auto error_N2 = [&](std::size_t index) {
     const double own_N2 = sample.error_N2[index];
     const double taken_N2 =
@@ -167,7 +168,7 @@ bool WakeRule::scored(const CandidateChoice& choice) noexcept {
   if (!all_awake_) {
     return dismiss_kept();
   }
-  if (rendered_suffices()) {
+  if (rendered_suffices(staying())) {
     all_sleep(choice);
     return true;
   }
@@ -205,9 +206,9 @@ bool WakeRule::hopeless_sleep() noexcept {
 }
 
 // Whether the rendered candidate alone would have done as well as all together, and no other one
-// alone better.
-bool WakeRule::rendered_suffices() const noexcept {
-  const bool special = candidates_.all[rendered_]->weight() > 1.0;
+// alone better. More samples have to show that if `stays` is a specialist.
+bool WakeRule::rendered_suffices(std::size_t stays) const noexcept {
+  const bool special = candidates_.all[stays]->weight() > 1.0;
   if (awake_for_ < (special ? thresholds_.specialist_samples : thresholds_.awake_samples) ||
       alone_N2_[rendered_] > thresholds_.regret * chosen_N2_ || path_explained_lately()) {
     return false;
@@ -222,7 +223,7 @@ bool WakeRule::rendered_suffices() const noexcept {
 
 // After an event, others may be needed at the next one.
 bool WakeRule::dismiss_kept() noexcept {
-  if (woken_lately() || !rendered_suffices()) {
+  if (woken_lately() || !rendered_suffices(rendered_)) {
     return false;
   }
   bool slept = false;

@@ -110,7 +110,7 @@ class WakeRule {
   bool hopeless_sleep() noexcept;
   bool dismiss_kept() noexcept;
   void restart_sums() noexcept;
-  bool rendered_suffices() const noexcept;
+  bool rendered_suffices(std::size_t stays) const noexcept;
   bool woken_lately() const noexcept;
   bool rendered_within(std::size_t index, int samples) const noexcept;
   bool kept_lately(std::size_t index) const noexcept;

@@ -29,9 +29,10 @@ class Sleepers {
  public:
   // One sample of the path, evaluated and scored.
   void sample(const std::string& rendered, const Errors_N2& errors_N2, double others_N2 = 1.0,
-              double since_contact_s = kLongInContact_s) {
-    queued(rendered, since_contact_s, {});
+              bool first_touch = false) {
+    queued(rendered, kLongInContact_s, {});
     EvaluatedSample evaluated;
+    evaluated.first_touch = first_touch;
     evaluated.error_N2.fill(others_N2);
     for (const auto& [name, error_N2] : errors_N2) {
       evaluated.error_N2[index(name)] = error_N2;
@@ -130,6 +131,38 @@ TEST(WhoKnowsThePath, IsNotNeededForWhatItWasRenderedByLuck) {
   s.all_fall_asleep();
   EXPECT_FALSE(s.awake("viscous"));
   EXPECT_FALSE(s.awake("smooth"));
+}
+
+// All that touches ever show, where each is short.
+TEST(FirstTouches, CountWhereTheRenderedOneErrsByAtMostAMillinewton) {
+  Sleepers known;
+  Sleepers unknown;
+  for (int i = 0; i < 29; ++i) {
+    known.sample("exact", {{"exact", 0.99e-6}}, 1.0, true);
+    unknown.sample("exact", {{"exact", 1.01e-6}}, 1.0, true);
+  }
+  EXPECT_TRUE(known.rule.all_awake());
+  known.sample("exact", {{"exact", 0.99e-6}}, 1.0, true);
+  EXPECT_FALSE(known.rule.all_awake());
+  for (int i = 0; i < 100; ++i) {
+    unknown.sample("exact", {{"exact", 1.01e-6}}, 1.0, true);
+  }
+  EXPECT_TRUE(unknown.rule.all_awake());
+}
+
+TEST(Specialists, StayAfter60SamplesAndLetAllSleepAfter30WhereAnotherWillStay) {
+  Sleepers needed;
+  needed.samples(59, "moved", {{"moved", 0.01}});
+  EXPECT_TRUE(needed.rule.all_awake());
+  needed.sample("moved", {{"moved", 0.01}});
+  EXPECT_FALSE(needed.rule.all_awake());
+  EXPECT_EQ(needed.rule.stays(), needed.index("moved"));
+  Sleepers lucky;
+  lucky.samples(29, "moved", {});
+  EXPECT_TRUE(lucky.rule.all_awake());
+  lucky.sample("moved", {});
+  EXPECT_FALSE(lucky.rule.all_awake());
+  EXPECT_EQ(lucky.rule.stays(), lucky.index("exact"));
 }
 
 // "smooth" was chosen, then "exact"; all fall asleep but these.
