@@ -341,8 +341,6 @@ void EnsembleMethod::take_rendered(const Candidate& candidate, std::uint64_t num
   }
 }
 
-// Adds the errors of each sample to the scores once all candidates have taken it, so that they are
-// always compared over the same samples.
 // Samples below this number have been predicted by all that are awake.
 std::uint64_t EnsembleMethod::evaluated_by_all() const noexcept {
   std::uint64_t until = queue_.taken();
@@ -352,6 +350,8 @@ std::uint64_t EnsembleMethod::evaluated_by_all() const noexcept {
   return until;
 }
 
+// Adds the errors of each sample to the scores once all candidates have taken it, so that they are
+// always compared over the same samples.
 void EnsembleMethod::score() noexcept {
   bool slept = false;
   std::uint64_t until = evaluated_by_all();
@@ -547,10 +547,11 @@ bool EnsembleMethod::may_follow() const noexcept {
          candidates_.all[candidates_.memory]->next_sample() == queue_.taken();
 }
 
-// Does one piece of that exchange, for where the tool is going.
+// Does one piece of that exchange, for where the tool is going. What is rendered may be well known.
 int EnsembleMethod::follow() noexcept {
   Candidate& memory = *candidates_.all[candidates_.memory];
-  follower_.step(memory.field(), tool_W(), contact_.origin_W(), motion_);
+  const double fine_N = rendered_ == candidates_.memory ? thresholds_.remembered_N : 0.0;
+  follower_.step(memory.field(), tool_W(), contact_.origin_W(), motion_, fine_N);
   if (!follower_.due()) {
     if (rendered_ == candidates_.memory) {
       update_uncertainty();

@@ -145,6 +145,9 @@ struct EnsembleThresholds {
   /// [choice]
   double remembers_more = 3.0;
   double remembers_more_N = 0.01;  ///< ... and above this [N]. [choice]
+  /// [N] Deviation 50 ms ahead of the tool below which `memory`, rendered, exchanges no samples.
+  /// [wake]
+  double remembered_N = 0.004;
 };
 
 }  // namespace forcegrid::kriging

@@ -10,7 +10,8 @@ namespace forcegrid::kriging {
 
 /// Decides when a StoreField exchanges samples for those around where the tool will be 50 ms later:
 /// after each sample, and after each 3 mm of motion beyond the place that it was prepared for. Each
-/// time it does at most kMostPieces pieces, fewer once a piece finds no better sample.
+/// time it does at most kMostPieces pieces, fewer once a piece finds no better sample, or where the
+/// field knows the force well enough.
 /// Real-time: nothing allocates, locks or throws.
 class StoreFollower {
  public:
@@ -26,12 +27,18 @@ class StoreFollower {
   }
   /// Whether there may be samples to exchange.
   bool due() const noexcept { return pieces_left_ > 0; }
-  /// Does one piece. @param tool_W where the tool is.
+  /// Does one piece. @param tool_W where the tool is. @param fine_N if the field deviates by less
+  /// where the tool is going, nothing is exchanged until the next sample, or the next 3 mm.
   /// @returns whether the field's answers have changed.
   bool step(Field& field, const Eigen::Vector3d& tool_W, const Eigen::Vector3d& origin_W,
-            const ToolMotion& motion) noexcept {
+            const ToolMotion& motion, double fine_N = 0.0) noexcept {
     ahead_W_ = tool_W + kAhead_s * motion.velocity_W();
-    const Followed followed = field.follow(tool_W - origin_W, ahead_W_ - origin_W);
+    const Eigen::Vector3d ahead_m = ahead_W_ - origin_W;
+    if (fine_N > 0.0 && field.deviation_N(ahead_m, History::Zero()) < fine_N) {
+      pieces_left_ = 0;
+      return false;
+    }
+    const Followed followed = field.follow(tool_W - origin_W, ahead_m);
     pieces_left_ = followed.more ? pieces_left_ - 1 : 0;
     return followed.changed;
   }

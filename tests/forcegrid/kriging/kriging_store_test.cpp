@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "forcegrid/kriging/kriging_store_field.h"
+#include "forcegrid/kriging/store_follower.h"
+#include "forcegrid/kriging/tool_motion.h"
 #include "forcegrid/method_variant.h"
 #include "forcegrid/methods.h"
 
@@ -324,6 +326,31 @@ TEST(StoreField, ExchangesAFewSamplesAPieceAndComesToRest) {
     EXPECT_FALSE(field.follow(at_m, at_m).changed);
     EXPECT_EQ(positions_m(), settled);
   }
+}
+
+// A tool at rest, so that it is going nowhere else. The field has many samples around it to choose
+// from, and deviates by whatever its samples give there.
+TEST(StoreFollower, ExchangesNothingWhereTheFieldDeviatesByLessThanIsFine) {
+  const FieldSettings settings;
+  SampleStore store(SampleStore::Settings{});
+  StoreField field(settings, store, true);
+  for (const Vector3d& p : scattered(800, 0.03)) {
+    field.take(observe(p, force_N(p)));
+  }
+  const Vector3d tool_W(0.01, -0.01, 0.005);
+  ToolMotion motion;
+  ASSERT_TRUE(motion.observe(0.0, tool_W));
+  const double deviation_N = field.deviation_N(tool_W, kNoHistory);
+  StoreFollower follower;
+  EXPECT_FALSE(follower.due());
+  follower.sample_taken();
+  EXPECT_TRUE(follower.due());
+  EXPECT_FALSE(follower.step(field, tool_W, Vector3d::Zero(), motion, 1.01 * deviation_N));
+  EXPECT_FALSE(follower.due()) << "until the next sample";
+  EXPECT_EQ(field.deviation_N(tool_W, kNoHistory), deviation_N);
+  follower.sample_taken();
+  EXPECT_TRUE(follower.step(field, tool_W, Vector3d::Zero(), motion, 0.99 * deviation_N));
+  EXPECT_LT(field.deviation_N(tool_W, kNoHistory), deviation_N);
 }
 
 TEST(StoreField, TellsTheStoreWhatItDoubts) {
