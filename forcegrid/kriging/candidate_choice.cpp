@@ -277,13 +277,16 @@ bool CandidateChoice::place_is_known(std::size_t rendered) noexcept {
   }
   Candidate& places = *candidates_.all[candidates_.places];
   const double least_N2 = least_score_N2();
+  const double deviation_N = places.field().deviation_N(thresholds_.probe_m, History::Zero());
   if (places.field().sample_count() == 0 || places.score_N2 > thresholds_.no_worse * least_N2 ||
-      !(places.field().deviation_N(thresholds_.probe_m, History::Zero()) <
-        thresholds_.known_place_N)) {
+      !(deviation_N < thresholds_.known_place_N)) {
     return false;
   }
   place_known_ = true;
-  if (known_place_N2_ > thresholds_.no_worse * known_place_exact_N2_) {
+  const bool errs_more = known_place_N2_ > thresholds_.no_worse * known_place_exact_N2_;
+  const bool errs_little =
+      std::max(known_place_N2_, deviation_N * deviation_N) < thresholds_.path_wrong_N2;
+  if (errs_more && !errs_little) {
     return false;
   }
   places.score_N2 = least_N2 / places.weight();

@@ -315,6 +315,35 @@ TEST_F(CandidateChoiceTest, KnowsNoPlaceAfterItErredMoreAtKnownOnes) {
   EXPECT_EQ(choice_.for_contact(0, true, 0).reason, ChoiceReason::kKnownPlace);
 }
 
+// 3 mN are less than anybody feels, though "exact" errs by a third of it. Not where it is not sure.
+TEST_F(CandidateChoiceTest, KnowsAPlaceThatItIsSureOfAfterItErredByMillinewtons) {
+  const std::size_t places = index("places");
+  Field& field = candidates_.all[places]->field();
+  const auto touches = [&](double exact_N, double places_N, int samples) {
+    EvaluatedSample first = sample(exact_N * exact_N, places, places_N * places_N);
+    first.first_touch = true;
+    for (int i = 0; i < samples; ++i) {
+      choice_.score(first, 0);
+    }
+  };
+  const auto is_known = [&] {
+    return choice_.for_contact(0, true, 0).reason == ChoiceReason::kKnownPlace;
+  };
+  touches(1.0, 1.0, 100);  // at other places: no more samples make it worse than others there
+  press(field, 100.0, 5);
+  const double unsure_N = field.deviation_N(thresholds_.probe_m, History::Zero());
+  ASSERT_GT(unsure_N, 0.01);
+  ASSERT_LT(unsure_N, thresholds_.known_place_N);
+  EXPECT_TRUE(is_known());
+  touches(0.001, 0.003, 20);
+  EXPECT_FALSE(is_known());
+  press(field, 100.0, 20);
+  ASSERT_LT(field.deviation_N(thresholds_.probe_m, History::Zero()), 0.01);
+  EXPECT_TRUE(is_known());
+  touches(0.001, 0.015, 20);
+  EXPECT_FALSE(is_known());
+}
+
 TEST_F(CandidateChoiceTest, TrustsASurfaceHoweverLittleMovedErred) {
   const std::size_t moved = index("moved");
   Candidate& walls = *candidates_.all[index("walls")];
