@@ -268,7 +268,7 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
   const kriging::Innovation innovation = candidate.field().take(observation);
   if (innovation.unfinished) {
     candidate.expect_result(number);
-    return 1;  // it was only evaluated
+    return index == candidates_.walls ? 1 : candidate.piece_units();  // that was only evaluated
   }
   taken(index, number, innovation);
   if (elsewhere && index == rendered_ && choice_.runner_up(index) != Candidates::kNone) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace forcegrid::kriging {
 namespace {
@@ -44,11 +45,15 @@ bool MovedField::seeks_explanation(const Observation& /*observation*/, const Vec
 }
 
 void MovedField::enter_contact(std::uint64_t contact, const Vector3d& point_W) noexcept {
+  settle();
   Base::enter_contact(contact, point_W);
   entered_contact_ = contact;
 }
 
 void MovedField::set_time(double time_s) noexcept {
+  if (left_ != Left::kNothing) {
+    return;  // the shift is between two samples
+  }
   ahead_m_ = shift_m_;
   ahead_s_ = time_s_;
   if (open_) {
@@ -62,27 +67,91 @@ void MovedField::set_time(double time_s) noexcept {
 Innovation MovedField::take(const Observation& observation) noexcept {
   finish();
   nearest_pair_m2_ = -1.0;
-  const bool weaker = weakened_by_stiffness(observation);
-  Innovation innovation;
+  taking_ = observation;
+  explains_ = false;
+  weaker_by_stiffness_ = weakened_by_stiffness(observation);
   if (open_ && moves_on(observation) && sample_count_ > 0) {
-    innovation = take_open(observation);
+    taking_to_s_ = next_.time_s;
+    taken_ = Innovation{};
+    left_ = Left::kTakeMoving;
+    if (!began_) {
+      prepare();
+    }
   } else {
-    innovation = Base::take(in_own_frame(observation));
-    innovation.error_N *= strength_;
-    if (innovation.unfinished) {
-      innovation.unfinished = false;
+    taken_ = Base::take(in_own_frame(observation));
+    taken_.error_N *= strength_;
+    if (taken_.unfinished) {
+      taken_.unfinished = false;
       next_.time_s = observation.from_query ? time_s_ : observation.time_s;
-      explain(observation, predict(in_own_frame(observation)), innovation);
+      left_ = Left::kExplain;
     }
   }
-  innovation.explained = innovation.explained || (weaker && !innovation.surprised);
-  innovation.surprised = innovation.surprised || weaker;
-  if (!observation.from_query) {
-    time_s_ = observation.time_s;
-    moved_contact_ = observation.contact;
+  complete();
+  Innovation innovation = taken_;
+  innovation.unfinished = left_ != Left::kNothing;
+  return innovation;
+}
+
+// Once nothing is left of a take().
+void MovedField::complete() noexcept {
+  if (left_ != Left::kNothing) {
+    return;
+  }
+  taken_.explained = taken_.explained || (weaker_by_stiffness_ && !taken_.surprised);
+  taken_.surprised = taken_.surprised || weaker_by_stiffness_;
+  if (!taking_.from_query) {
+    time_s_ = taking_.time_s;
+    moved_contact_ = taking_.contact;
   }
   set_time(time_s_);
-  return innovation;
+}
+
+bool MovedField::prepare() noexcept {
+  switch (std::exchange(left_, Left::kNothing)) {
+    case Left::kNothing:
+      return Base::prepare();
+    case Left::kTakeMoving:
+      taken_ = take_moving(taking_, taking_to_s_ > time_s_);
+      left_ = changed_ ? Left::kChange : left_of_motion();
+      break;
+    case Left::kChange:
+      begin_change();
+      left_ = Left::kTakeChanged;
+      break;
+    case Left::kTakeChanged:
+      taken_ = take_moving(taking_, false);
+      left_ = left_of_motion();
+      break;
+    case Left::kExplain:
+      explains_ = true;
+      begin_explanation();
+      left_ = open_ ? Left::kTakeExplained : Left::kClose;
+      break;
+    case Left::kTakeExplained:
+      take_explained();
+      break;
+    case Left::kClose:
+      close();
+      left_ = Left::kTeach;
+      break;
+    case Left::kTeach:
+      learn(teach(in_own_frame(taking_)));
+      break;
+    case Left::kEnd:
+      close();
+      break;
+    case Left::kLeave:
+      go_to(next_.time_s);
+      close();
+      left_ = Left::kTeachAlone;
+      break;
+    case Left::kTeachAlone:
+      taken_.doubt_N2 = teach(in_own_frame(taking_)).doubt_N2;
+      left_ = explains_ ? Left::kTeach : Left::kNothing;
+      break;
+  }
+  complete();
+  return true;
 }
 
 void MovedField::expect_noise(double nugget_N2) noexcept {
@@ -152,7 +221,8 @@ bool MovedField::moves_on(const Observation& observation) noexcept {
     return false;
   }
   go_to(time_s_ + dt_s);
-  if (observation.contact != contact_ || !(dt_s < kLongest_s)) {
+  began_ = observation.contact != contact_ || !(dt_s < kLongest_s);
+  if (began_) {
     Covariance opened = covariance_;
     if (!(dt_s < kLongest_s)) {  // it may have come to rest
       const double change_m_per_s = kChange_m_per_s + velocity_m_per_s_.norm();
@@ -281,30 +351,38 @@ Innovation MovedField::teach(const Observation& own) noexcept {
   return taken;
 }
 
-Innovation MovedField::take_open(const Observation& observation) noexcept {
-  const double time_s = next_.time_s;
-  Innovation innovation = take_moving(observation, time_s > time_s_);
-  if (changed_) {
-    go_to(time_s_);
-    Covariance opened = covariance_;
-    opened.diagonal().tail<3>().array() += kChange_m_per_s * kChange_m_per_s;
-    begin_motion(time_s_, opened);
-    go_to(time_s);
-    innovation = take_moving(observation, false);
+// What is left after take_moving(). At rest it is closed.
+MovedField::Left MovedField::left_of_motion() noexcept {
+  if (too_far_) {
+    return Left::kLeave;
   }
-  if (innovation.surprised) {
-    go_to(time_s);
-    explain(observation, predict(in_own_frame(observation)), innovation);
-  } else if (open_) {
+  if (broken_) {
+    return Left::kEnd;
+  }
+  if (taken_.surprised) {
+    return Left::kExplain;
+  }
+  if (open_) {
     close_if_at_rest();
   }
-  return innovation;
+  return Left::kNothing;
+}
+
+// The velocity has changed since the sample before.
+void MovedField::begin_change() noexcept {
+  go_to(time_s_);
+  Covariance opened = covariance_;
+  opened.diagonal().tail<3>().array() += kChange_m_per_s * kChange_m_per_s;
+  begin_motion(time_s_, opened);
+  go_to(taking_to_s_);
 }
 
 // Takes a sample where the object is most likely to have been, unless it surprises or, if
-// `may_change`, shows another velocity: then nothing is taken.
+// `may_change`, shows another velocity, or would have gone too far: then nothing is taken.
 Innovation MovedField::take_moving(const Observation& observation, bool may_change) noexcept {
   changed_ = false;
+  broken_ = false;
+  too_far_ = false;
   const SteadyMotion::Vector before = motion_.eta();
   const SteadyMotion::Columns design = motion_.design(next_.time_s);
   Innovation innovation;
@@ -331,9 +409,7 @@ Innovation MovedField::take_moving(const Observation& observation, bool may_chan
     const SteadyMotion::Vector step =
         motion_.covariance() * p.motion_N.transpose() * (s.inverse() * p.error_N);
     if (!((design * step).norm() < kFurthest_m)) {
-      go_to(next_.time_s);
-      close();
-      innovation.doubt_N2 = teach(in_own_frame(observation)).doubt_N2;
+      too_far_ = true;
       return innovation;
     }
     next_.eta = before + step;
@@ -347,14 +423,17 @@ Innovation MovedField::take_moving(const Observation& observation, bool may_chan
   if (fits && data_scale() < kBroken && jump_m.norm() < kFurthest_m) {
     go_to(next_.time_s);
   } else {
-    close();
+    broken_ = true;
   }
   return innovation;
 }
 
-// A surprise: finds its cause, and lets f take the sample if that leaves something to learn.
-void MovedField::explain(const Observation& observation, const Prediction& p,
-                         Innovation& innovation) noexcept {
+// A surprise: finds its cause, which may be a motion.
+void MovedField::begin_explanation() noexcept {
+  if (open_) {
+    go_to(taking_to_s_);
+  }
+  const Prediction p = predict(in_own_frame(taking_));
   if (!open_) {
     covariance_.setZero();
     velocity_m_per_s_.setZero();
@@ -378,17 +457,25 @@ void MovedField::explain(const Observation& observation, const Prediction& p,
   } else {
     begin_motion(next_.time_s, wider);
   }
-  Innovation taken;
-  if (open_) {
-    taken = take_moving(observation, false);
+  clearly_weaker_ = weaker && weaker_nats - std::max(moved_nats, anything_nats) > kClearly_nats;
+}
+
+// Lets f take the sample if the motion leaves something to learn.
+void MovedField::take_explained() noexcept {
+  const Innovation moved = take_moving(taking_, false);
+  if (too_far_) {
+    left_ = Left::kLeave;
+  } else if (!open_ || moved.surprised || broken_) {
+    left_ = Left::kClose;
+  } else {
+    learn(moved);
   }
-  if (!open_ || taken.surprised) {
-    close();
-    taken = teach(in_own_frame(observation));
-  }
-  innovation.doubt_N2 = taken.doubt_N2;
-  innovation.explained = weaker && !taken.surprised &&
-                         weaker_nats - std::max(moved_nats, anything_nats) > kClearly_nats;
+}
+
+// The end of a surprise: f has taken the sample.
+void MovedField::learn(const Innovation& innovation) noexcept {
+  taken_.doubt_N2 = innovation.doubt_N2;
+  taken_.explained = clearly_weaker_ && !innovation.surprised;
 }
 
 void MovedField::close_if_at_rest() noexcept {
@@ -411,6 +498,7 @@ void MovedField::remember(const Observation& observation) noexcept {
   if (observation.from_query) {
     return;
   }
+  settle();
   transient_ = kNone;
   Observation own = in_own_frame(observation);
   if (observation.contact < scaled_since_) {
@@ -484,6 +572,7 @@ void MovedField::find_nearest_pair() noexcept {
 }
 
 bool MovedField::begin_with(std::span<const Observation> observations) noexcept {
+  settle();
   open_ = false;
   next_terms_N_.setZero();
   terms_N_.fill(Terms::Zero());

@@ -45,7 +45,7 @@ namespace forcegrid::kriging {
 /// object that moves against the rest; one that recovers, which f then learns anew; noise that
 /// hides from each single sample that a slow object has come to rest.
 /// Cost: as DictionaryField; while it is open twice as much, and a factorisation where a motion
-/// begins or ends. Real-time: as Field. Threads: one.
+/// begins or ends, each in a piece of its own. Real-time: as Field. Threads: one.
 /// Source: Jazwinski, Stochastic Processes and Filtering Theory (1970), section 8.3, for the
 /// iteration; docs/kriging.md, "Moved or weaker".
 class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
@@ -70,8 +70,13 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
 
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept override;
-  /// Innovation::explained: it is weaker now, and nothing else is as likely.
+  /// Innovation::explained: it is weaker now, and nothing else is as likely. A sample that shows
+  /// another motion, or surprises, is left to prepare(), in up to nine pieces. If a motion ends
+  /// with it, f's samples go to where the object is thought to have been with the first of them.
   Innovation take(const Observation& observation) noexcept override;
+  bool prepare() noexcept override;
+  bool ready() const noexcept override { return left_ == Left::kNothing && Base::ready(); }
+  Innovation taken() const noexcept override { return taken_; }
   void remember(const Observation& observation) noexcept override;
   /// Begins with what it remembers; the observations are among that.
   bool begin_with(std::span<const Observation> observations) noexcept override;
@@ -107,6 +112,20 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
     SteadyMotion::Columns motion_N;  ///< how the force depends on what is unknown of the motion
     Eigen::Matrix3d slope_N_per_m;
   };
+  /// What a take() has left to do.
+  enum class Left : std::uint8_t {
+    kNothing,
+    kTakeMoving,     ///< a motion has begun, for another contact
+    kChange,         ///< the sample shows another velocity
+    kTakeChanged,    ///< which has begun
+    kExplain,        ///< the sample surprises
+    kTakeExplained,  ///< a motion that may explain it has begun
+    kClose,          ///< no motion explains it
+    kTeach,          ///< so f takes it
+    kEnd,            ///< the motion, which does not fit
+    kLeave,          ///< the motion, which is too far from the one before
+    kTeachAlone,     ///< f takes the sample then
+  };
   /// What a sample is linear about.
   struct Linear {
     double time_s = 0.0;
@@ -117,11 +136,20 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
   bool seeks_explanation(const Observation& observation, const Eigen::Vector3d& error_N,
                          const Innovation& innovation) noexcept override;
   bool weakened_by_stiffness(const Observation& observation) noexcept;
-  Innovation take_open(const Observation& observation) noexcept;
+  /// Does what a take() has left.
+  void settle() noexcept {
+    while (left_ != Left::kNothing) {
+      prepare();
+    }
+  }
+  Left left_of_motion() noexcept;
+  void begin_change() noexcept;
+  void take_explained() noexcept;
+  void complete() noexcept;
+  void learn(const Innovation& innovation) noexcept;
   Innovation take_moving(const Observation& observation, bool may_change) noexcept;
   Innovation teach(const Observation& own) noexcept;
-  void explain(const Observation& observation, const Prediction& prediction,
-               Innovation& innovation) noexcept;
+  void begin_explanation() noexcept;
   Eigen::Matrix3d slope_N_per_m(const Observation& own) noexcept;
   Prediction predict(const Observation& own) noexcept;
   bool moves_on(const Observation& observation) noexcept;
@@ -160,10 +188,21 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
   double scaled_by_ = 1.0;          ///< since it began
   bool seeks_ = true;
 
-  SteadyMotion motion_;   ///< while it is open
-  bool changed_ = false;  ///< the velocity, as take_moving() has found
-  double ahead_s_ = 0.0;  ///< of ahead_m_
-  Linear next_;           ///< for the sample that is being taken
+  Left left_ = Left::kNothing;
+  Observation taking_;        ///< the sample that it is left of
+  double taking_to_s_ = 0.0;  ///< the time of its motion
+  bool weaker_by_stiffness_ = false;
+  bool clearly_weaker_ = false;
+  Innovation taken_;
+
+  SteadyMotion motion_;    ///< while it is open
+  bool changed_ = false;   ///< the velocity, as take_moving() has found
+  bool broken_ = false;    ///< the motion, as take_moving() has found
+  bool too_far_ = false;   ///< the same
+  bool explains_ = false;  ///< a surprise, of the sample that is being taken
+  bool began_ = false;     ///< the motion, for the sample that is being taken
+  double ahead_s_ = 0.0;   ///< of ahead_m_
+  Linear next_;            ///< for the sample that is being taken
   mutable Terms next_terms_N_ = Terms::Zero();
   std::array<Linear, kMaxSamplesHeld> linear_{};  ///< by slot
 };

@@ -32,6 +32,14 @@ FieldSettings settings(int stiffness_samples = 0) {
   return settings;
 }
 
+// All that there is to do.
+Innovation take(MovedField& field, const Observation& observation) {
+  const Innovation innovation = field.take(observation);
+  while (field.prepare()) {
+  }
+  return innovation.unfinished ? field.taken() : innovation;
+}
+
 // A tool that goes around in some millimetres, as a hand that explores does.
 Vector3d hand_m(double time_s) {
   return {0.006 * std::sin(1.3 * time_s), 0.005 * std::sin(1.7 * time_s + 1.0),
@@ -70,7 +78,7 @@ struct Scene {
   // Eight seconds of the object as it is.
   void teach(MovedField& field) {
     for (int i = 0; i < 240; ++i) {
-      field.take(next());
+      take(field, next());
     }
   }
 };
@@ -92,7 +100,7 @@ TEST(MovedField, IsAnOrdinaryFieldOfAnObjectThatStays) {
   DictionaryField<float, 32, 4> plain(settings());
   for (int i = 0; i < 60; ++i) {
     const Observation o = scene.next();
-    EXPECT_EQ(field.take(o).error_N, plain.take(o).error_N);
+    EXPECT_EQ(take(field, o).error_N, plain.take(o).error_N);
   }
   const Vector3d at_m(0.002, -0.001, 0.004);
   EXPECT_EQ(field.read(at_m, History::Zero()).force_N, plain.read(at_m, History::Zero()).force_N);
@@ -108,7 +116,7 @@ TEST(MovedField, KnowsAllOfAWeakerObjectFromOneSample) {
   ASSERT_FALSE(field.open());
   const double strength = field.strength();
   scene.strength = 0.6;
-  const Innovation innovation = field.take(scene.next());
+  const Innovation innovation = take(field, scene.next());
   EXPECT_TRUE(innovation.surprised);
   EXPECT_TRUE(innovation.explained);
   EXPECT_NEAR(field.strength(), 0.6 * strength, 0.005);
@@ -130,13 +138,13 @@ TEST(MovedField, KnowsAWeakerObjectThroughTheNoiseThatItExpects) {
   };
   for (int i = 0; i < 90; ++i) {
     const Observation o = sample(i);
-    EXPECT_FALSE(field.take(o).surprised) << "five deviations of three components, " << i;
-    deaf.take(o);
+    EXPECT_FALSE(take(field, o).surprised) << "five deviations of three components, " << i;
+    take(deaf, o);
   }
   scene.strength = 0.4;
   const Observation o = sample(89);
-  EXPECT_TRUE(field.take(o).explained);
-  deaf.take(o);
+  EXPECT_TRUE(take(field, o).explained);
+  take(deaf, o);
   EXPECT_NEAR(field.strength(), 0.4, 0.02);
   double largest_N = 0.0;
   double deaf_largest_N = 0.0;
@@ -160,13 +168,13 @@ TEST(MovedField, MakesItsFactorAnewForOtherNoise) {
   MovedField from_the_beginning(noisy);
   for (int i = 0; i < 20; ++i) {
     const Observation o = scene.next();
-    field.take(o);
-    from_the_beginning.take(o);
+    take(field, o);
+    take(from_the_beginning, o);
   }
   field.expect_noise(noisy.nugget_N2);
   const Observation o = scene.next();
-  field.take(o);
-  from_the_beginning.take(o);
+  take(field, o);
+  take(from_the_beginning, o);
   EXPECT_EQ(field.shift_m(), Vector3d::Zero());
   const Vector3d between_m = hand_m(kPeriod_s * 10.5);
   const Vector3d expected_N = from_the_beginning.read(between_m, History::Zero()).force_N;
@@ -183,7 +191,7 @@ TEST(MovedField, FollowsAnObjectThatSlidesAndForeseesWhereItIs) {
   for (int i = 1; i <= 60; ++i) {
     scene.moved_m = kPeriod_s * i * velocity_m_per_s;
     o = scene.next();
-    field.take(o);
+    take(field, o);
   }
   EXPECT_TRUE(field.open());
   EXPECT_LT((field.shift_m() - from_m - scene.moved_m).norm(), 0.15 * scene.moved_m.norm());
@@ -215,7 +223,7 @@ TEST(MovedField, FollowsAnObjectThatSlidesOnBetweenContacts) {
     return o;
   };
   for (int i = 0; i < 30; ++i) {
-    field.take(next(1));
+    take(field, next(1));
   }
   const double in_contact_N = largest_error_N(field, scene, 1);
   scene.number += 15;
@@ -227,15 +235,15 @@ TEST(MovedField, FollowsAnObjectThatSlidesOnBetweenContacts) {
   const double as_it_was_N = error_N();
   field.set_time(first.time_s);
   EXPECT_LT(error_N(), 0.4 * as_it_was_N);
-  field.take(first);
+  take(field, first);
   EXPECT_TRUE(field.open());
   for (int i = 0; i < 30; ++i) {
-    field.take(next(2));
+    take(field, next(2));
   }
   EXPECT_LT(largest_error_N(field, scene, 1), in_contact_N + 0.02);
   // Unseen for longer it is taken to be at rest.
   scene.number += 90;
-  field.take(next(3));
+  take(field, next(3));
   EXPECT_EQ(field.velocity_m_per_s(), Vector3d::Zero());
 }
 
@@ -252,7 +260,7 @@ TEST(MovedField, LearnsThatASlideIsSteady) {
       if (i == samples) {
         o.force_N.x() += off_N;
       }
-      field.take(o);
+      take(field, o);
     }
     EXPECT_TRUE(field.open());
     return field.velocity_m_per_s();
@@ -280,7 +288,7 @@ TEST(MovedField, KnowsHowFarASlideHasGoneIntoTheUnknown) {
       if (i % 4 == 0) {
         at_m = {0.2 * deep_m(random), -0.2 * deep_m(random), deep_m(random)};
       }
-      field.take(scene.at(time_s, at_m));
+      take(field, scene.at(time_s, at_m));
     }
   };
   poke(100);
@@ -302,7 +310,7 @@ TEST(MovedField, FollowsAnObjectThatTurnsBack) {
   const Vector3d velocity_m_per_s(3e-3, -2e-3, 0.0);
   for (int i = 1; i <= 90; ++i) {
     scene.moved_m += kPeriod_s * (i <= 45 ? 1.0 : -1.0) * velocity_m_per_s;
-    field.take(scene.next());
+    take(field, scene.next());
   }
   EXPECT_LT((field.velocity_m_per_s() + velocity_m_per_s).norm(), 0.1 * velocity_m_per_s.norm());
   EXPECT_LT((field.shift_m() - scene.moved_m).norm(), 0.1e-3);
@@ -318,7 +326,7 @@ TEST(MovedField, KnowsAWeakerObjectThatSlides) {
   for (int i = 1; i <= 60; ++i) {
     scene.moved_m += kPeriod_s * velocity_m_per_s;
     scene.strength = i > 40 ? 0.5 : 1.0;
-    field.take(scene.next());
+    take(field, scene.next());
   }
   EXPECT_NEAR(field.strength(), 0.5, 0.02);
   EXPECT_LT(largest_error_N(field, scene, 1), 0.02);
@@ -330,10 +338,10 @@ TEST(MovedField, ComesToRestWithTheObject) {
   scene.teach(field);
   for (int i = 1; i <= 30; ++i) {
     scene.moved_m = kPeriod_s * i * Vector3d(3e-3, 0.0, 0.0);
-    field.take(scene.next());
+    take(field, scene.next());
   }
   for (int i = 0; i < 60; ++i) {
-    field.take(scene.next());
+    take(field, scene.next());
   }
   EXPECT_FALSE(field.open());
   EXPECT_LT(largest_error_N(field, scene, 30), 0.02);
@@ -354,7 +362,7 @@ TEST(MovedField, LearnsByStiffnessWhatSlidesUnderTheTool) {
   for (int i = 0; i < 120; ++i) {
     const double time_s = kSlow_s * i;
     scene.moved_m = std::clamp(time_s - 6.0, 0.0, 3.0) * Vector3d(2.7e-3, -1.7e-3, 0.0);
-    const double error_N = field.take(scene.at(time_s, push_m(time_s))).error_N;
+    const double error_N = take(field, scene.at(time_s, push_m(time_s))).error_N;
     slid_N2 += i >= 63 && i < 90 ? error_N * error_N / 27.0 : 0.0;
     rested_N2 += i >= 100 ? error_N * error_N / 20.0 : 0.0;
   }
@@ -367,7 +375,7 @@ TEST(MovedField, TakesAStrongerForceForNoWeakerObject) {
   MovedField field(settings());
   scene.teach(field);
   scene.strength = 1.5;
-  EXPECT_FALSE(field.take(scene.next()).explained);
+  EXPECT_FALSE(take(field, scene.next()).explained);
   EXPECT_EQ(field.strength(), 1.0);
 }
 
@@ -380,16 +388,16 @@ TEST(MovedField, KnowsAWeakerObjectByTheStiffnessWhereItsForceIsSmall) {
   const Vector3d lightly_m(0.0, 0.0, 0.00002);
   const auto lightly = [&] { return scene.at(kPeriod_s * ++scene.number, lightly_m); };
   for (int i = 0; i < 10; ++i) {
-    ASSERT_FALSE(field.take(lightly()).explained);
+    ASSERT_FALSE(take(field, lightly()).explained);
   }
   ASSERT_EQ(field.strength(), 1.0);
   ASSERT_FALSE(field.open());
   scene.strength = 0.6;
-  const Innovation innovation = field.take(lightly());
+  const Innovation innovation = take(field, lightly());
   EXPECT_TRUE(innovation.explained);
   EXPECT_NEAR(field.strength(), 0.6, 0.01);
   scene.strength = 0.9;  // stronger than it was: another object
-  EXPECT_FALSE(field.take(lightly()).explained);
+  EXPECT_FALSE(take(field, lightly()).explained);
 }
 
 TEST(MovedField, DoesNotTakeAShiftForAWeakerObjectByItsStiffness) {
@@ -400,7 +408,7 @@ TEST(MovedField, DoesNotTakeAShiftForAWeakerObjectByItsStiffness) {
   const Vector3d velocity_m_per_s(2e-3, -1.5e-3, 0.5e-3);
   for (int i = 0; i < 30; ++i) {
     scene.moved_m += kPeriod_s * velocity_m_per_s;
-    EXPECT_FALSE(field.take(scene.next()).explained) << i;
+    EXPECT_FALSE(take(field, scene.next()).explained) << i;
   }
   EXPECT_EQ(field.strength(), 1.0);
 }
@@ -494,6 +502,61 @@ TEST(AutoMethod, KnowsAWeakerObjectByASmallForceBeforeALargeOne) {
 // samples from before it better.
 TEST(AutoMethod, KeepsToTheObjectThatMovedWhenThatGetsWeaker) {
   expect_known_by_a_small_force(8.0, 10.5);
+}
+
+// A servo's cycle has time for one piece. Until all are done, the field answers as before.
+TEST(MovedField, ExplainsASurpriseInPieces) {
+  Scene scene;
+  MovedField field(settings());
+  scene.teach(field);
+  scene.moved_m = Vector3d(0.004, 0.0, 0.0);
+  const Observation observation = scene.next();
+  const Vector3d at_m = observation.position_m;
+  const Vector3d before_N = field.read(at_m, History::Zero()).force_N;
+  const Innovation first = field.take(observation);
+  ASSERT_TRUE(first.unfinished);
+  EXPECT_FALSE(field.ready());
+  int pieces = 0;
+  while (!field.ready()) {
+    EXPECT_LT((field.read(at_m, History::Zero()).force_N - before_N).norm(), 1e-9) << pieces;
+    field.set_time(observation.time_s);
+    ASSERT_TRUE(field.prepare());
+    ++pieces;
+  }
+  EXPECT_GE(pieces, 2);
+  EXPECT_LE(pieces, 9);
+  EXPECT_TRUE(field.taken().surprised);
+  EXPECT_TRUE(field.open());
+  EXPECT_LT((field.read(at_m, History::Zero()).force_N - observation.force_N).norm(),
+            0.2 * (before_N - observation.force_N).norm());
+}
+
+// What comes in between needs the whole sample.
+TEST(MovedField, FinishesASampleBeforeTheNextOneOrAnotherContact) {
+  for (const bool contact : {false, true}) {
+    Scene scene;
+    MovedField field(settings());
+    MovedField whole(settings());
+    for (int i = 0; i < 200; ++i) {
+      const Observation observation = scene.next();
+      take(field, observation);
+      take(whole, observation);
+    }
+    scene.moved_m = Vector3d(0.004, 0.0, 0.0);
+    const Observation surprise = scene.next();
+    ASSERT_TRUE(field.take(surprise).unfinished);
+    take(whole, surprise);
+    if (contact) {
+      field.enter_contact(1, Vector3d::Zero());
+      whole.enter_contact(1, Vector3d::Zero());
+    }
+    const Observation next = scene.next();
+    take(field, next);
+    take(whole, next);
+    EXPECT_EQ(field.shift_m(), whole.shift_m());
+    EXPECT_EQ(field.read(next.position_m, History::Zero()).force_N,
+              whole.read(next.position_m, History::Zero()).force_N);
+  }
 }
 
 }  // namespace
