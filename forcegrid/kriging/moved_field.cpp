@@ -84,6 +84,7 @@ Innovation MovedField::take(const Observation& observation) noexcept {
       taken_.unfinished = false;
       next_.time_s = observation.from_query ? time_s_ : observation.time_s;
       left_ = Left::kExplain;
+      prepare();
     }
   }
   complete();
@@ -125,7 +126,12 @@ bool MovedField::prepare() noexcept {
     case Left::kExplain:
       explains_ = true;
       begin_explanation();
-      left_ = open_ ? Left::kTakeExplained : Left::kClose;
+      if (open_) {
+        left_ = Left::kTakeExplained;
+      } else {
+        close();
+        learn(teach(in_own_frame(taking_)));
+      }
       break;
     case Left::kTakeExplained:
       take_explained();

@@ -70,9 +70,10 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
 
   std::size_t memory_bytes() const noexcept override { return sizeof(*this); }
   void enter_contact(std::uint64_t contact, const Eigen::Vector3d& point_W) noexcept override;
-  /// Innovation::explained: it is weaker now, and nothing else is as likely. A sample that shows
-  /// another motion, or surprises, is left to prepare(), in up to nine pieces. If a motion ends
-  /// with it, f's samples go to where the object is thought to have been with the first of them.
+  /// Innovation::explained: it is weaker now, and nothing else is as likely. What a sample that
+  /// shows another motion, or surprises, needs besides is left to prepare(), in up to eight pieces.
+  /// If a motion ends with it, f's samples go to where the object is thought to have been with the
+  /// first of them.
   Innovation take(const Observation& observation) noexcept override;
   bool prepare() noexcept override;
   bool ready() const noexcept override { return left_ == Left::kNothing && Base::ready(); }
