@@ -268,7 +268,8 @@ int EnsembleMethod::take_next(std::size_t index) noexcept {
   const kriging::Innovation innovation = candidate.field().take(observation);
   if (innovation.unfinished) {
     candidate.expect_result(number);
-    return index == candidates_.walls ? 1 : candidate.piece_units();  // that was only evaluated
+    // A search for walls begins in the same cycle.
+    return index == candidates_.walls ? 1 : candidate.piece_units();
   }
   taken(index, number, innovation);
   if (elsewhere && index == rendered_ && choice_.runner_up(index) != Candidates::kNone) {

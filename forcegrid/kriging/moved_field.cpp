@@ -85,9 +85,10 @@ Innovation MovedField::take(const Observation& observation) noexcept {
       next_.time_s = observation.from_query ? time_s_ : observation.time_s;
       left_ = Left::kExplain;
       prepare();
+    } else {
+      complete();
     }
   }
-  complete();
   Innovation innovation = taken_;
   innovation.unfinished = left_ != Left::kNothing;
   return innovation;
@@ -113,7 +114,7 @@ bool MovedField::prepare() noexcept {
       return Base::prepare();
     case Left::kTakeMoving:
       taken_ = take_moving(taking_, taking_to_s_ > time_s_);
-      left_ = changed_ ? Left::kChange : left_of_motion();
+      left_ = left_of_motion();
       break;
     case Left::kChange:
       begin_change();
@@ -359,17 +360,18 @@ Innovation MovedField::teach(const Observation& own) noexcept {
 
 // What is left after take_moving(). At rest it is closed.
 MovedField::Left MovedField::left_of_motion() noexcept {
-  if (too_far_) {
-    return Left::kLeave;
-  }
-  if (broken_) {
-    return Left::kEnd;
-  }
-  if (taken_.surprised) {
-    return Left::kExplain;
-  }
-  if (open_) {
-    close_if_at_rest();
+  switch (found_) {
+    case Found::kFits:
+      close_if_at_rest();
+      break;
+    case Found::kSurprise:
+      return Left::kExplain;
+    case Found::kChange:
+      return Left::kChange;
+    case Found::kTooFar:
+      return Left::kLeave;
+    case Found::kBroken:
+      return Left::kEnd;
   }
   return Left::kNothing;
 }
@@ -386,9 +388,6 @@ void MovedField::begin_change() noexcept {
 // Takes a sample where the object is most likely to have been, unless it surprises or, if
 // `may_change`, shows another velocity, or would have gone too far: then nothing is taken.
 Innovation MovedField::take_moving(const Observation& observation, bool may_change) noexcept {
-  changed_ = false;
-  broken_ = false;
-  too_far_ = false;
   const SteadyMotion::Vector before = motion_.eta();
   const SteadyMotion::Columns design = motion_.design(next_.time_s);
   Innovation innovation;
@@ -404,18 +403,19 @@ Innovation MovedField::take_moving(const Observation& observation, bool may_chan
       const double change_m = kChange_m_per_s * (next_.time_s - time_s_);
       const Matrix3d if_changed_N2 =
           s + change_m * change_m * p.slope_N_per_m * p.slope_N_per_m.transpose();
-      changed_ =
+      const bool changed =
           may_change &&
           log_likelihood(p.error_N, if_changed_N2) - log_likelihood(p.error_N, s) > kChange_nats;
       innovation.surprised = innovation.normalised > settings().surprise;
-      if (changed_ || innovation.surprised) {
+      if (changed || innovation.surprised) {
+        found_ = changed ? Found::kChange : Found::kSurprise;
         return innovation;
       }
     }
     const SteadyMotion::Vector step =
         motion_.covariance() * p.motion_N.transpose() * (s.inverse() * p.error_N);
     if (!((design * step).norm() < kFurthest_m)) {
-      too_far_ = true;
+      found_ = Found::kTooFar;
       return innovation;
     }
     next_.eta = before + step;
@@ -427,9 +427,10 @@ Innovation MovedField::take_moving(const Observation& observation, bool may_chan
   const bool fits = motion_.fit(factor_.data_products(), factor_.rows());
   const Vector3d jump_m = design * (motion_.eta() - next_.eta);
   if (fits && data_scale() < kBroken && jump_m.norm() < kFurthest_m) {
+    found_ = Found::kFits;
     go_to(next_.time_s);
   } else {
-    broken_ = true;
+    found_ = Found::kBroken;
   }
   return innovation;
 }
@@ -469,9 +470,9 @@ void MovedField::begin_explanation() noexcept {
 // Lets f take the sample if the motion leaves something to learn.
 void MovedField::take_explained() noexcept {
   const Innovation moved = take_moving(taking_, false);
-  if (too_far_) {
+  if (found_ == Found::kTooFar) {
     left_ = Left::kLeave;
-  } else if (!open_ || moved.surprised || broken_) {
+  } else if (found_ != Found::kFits) {
     left_ = Left::kClose;
   } else {
     learn(moved);

@@ -127,6 +127,14 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
     kLeave,          ///< the motion, which is too far from the one before
     kTeachAlone,     ///< f takes the sample then
   };
+  /// What take_moving() has found.
+  enum class Found : std::uint8_t {
+    kFits,      ///< the sample is taken
+    kSurprise,  ///< nothing is
+    kChange,    ///< of the velocity; nothing is taken
+    kTooFar,    ///< from where the object was before; nothing is taken
+    kBroken,    ///< the sample is taken, and the motion does not fit the samples
+  };
   /// What a sample is linear about.
   struct Linear {
     double time_s = 0.0;
@@ -196,12 +204,10 @@ class MovedField final : public DictionaryField<float, 32, 4, kMotionTerms> {
   bool clearly_weaker_ = false;
   Innovation taken_;
 
-  SteadyMotion motion_;    ///< while it is open
-  bool changed_ = false;   ///< the velocity, as take_moving() has found
-  bool broken_ = false;    ///< the motion, as take_moving() has found
-  bool too_far_ = false;   ///< the same
-  bool explains_ = false;  ///< a surprise, of the sample that is being taken
-  bool began_ = false;     ///< the motion, for the sample that is being taken
+  SteadyMotion motion_;  ///< while it is open
+  Found found_ = Found::kFits;
+  bool explains_ = false;  ///< the sample that is being taken surprised
+  bool began_ = false;     ///< the motion begins with that sample
   double ahead_s_ = 0.0;   ///< of ahead_m_
   Linear next_;            ///< for the sample that is being taken
   mutable Terms next_terms_N_ = Terms::Zero();
